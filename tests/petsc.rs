@@ -488,7 +488,7 @@ fn errors(context: &Context) {
         assert_eq!(entry, [0.0]);
     }
     let bad = context.set_option("a\0b", "1").unwrap_err();
-    assert!(bad.text().contains("zero"), "{bad}");
+    assert!(bad.text().contains("NUL"), "{bad}");
 }
 
 /// Each half of the ranks solves its own system.

@@ -61,9 +61,13 @@ pub fn partition(near: &[Vec<u32>], parts: usize) -> Result<Vec<u32>, String> {
 /// Returns a nested-dissection order of the nodes of a symmetric graph without loops, given by compressed rows.
 ///
 /// # Errors
-/// Returns a message if METIS fails.
+/// Returns a message if the arrays are no compressed rows or METIS fails.
 pub(super) fn nested_dissection(start: &[u32], neighbors: &[u32]) -> Result<Vec<u32>, String> {
-    let n = start.len() - 1;
+    let n = start.len().saturating_sub(1);
+    let are_rows = start.is_sorted() && start.first() == Some(&0) && start.last() == Some(&(neighbors.len() as u32));
+    if !are_rows || neighbors.iter().any(|&node| node as usize >= n) {
+        return Err(format!("no compressed rows of a graph of {n} nodes"));
+    }
     // METIS rejects a graph without edges; any order of such a graph is equally good.
     if neighbors.is_empty() {
         return Ok((0..n as u32).collect());
@@ -72,8 +76,8 @@ pub(super) fn nested_dissection(start: &[u32], neighbors: &[u32]) -> Result<Vec<
     let mut start: Vec<idx_t> = start.iter().map(|&k| k as idx_t).collect();
     let mut neighbors: Vec<idx_t> = neighbors.iter().map(|&k| k as idx_t).collect();
     let (mut order, mut position): (Vec<idx_t>, Vec<idx_t>) = (vec![0; n], vec![0; n]);
-    // SAFETY: `start` and `neighbors` are the compressed rows of a symmetric graph of `nodes` nodes without loops, as
-    // METIS requires; both results have one entry per node. Null selects unit weights and the default options.
+    // SAFETY: `start` and `neighbors` are compressed rows of a graph of `nodes` nodes, checked above, so METIS reads
+    // within them; both results have one entry per node. Null selects unit weights and the default options.
     let call = || unsafe {
         METIS_NodeND(
             &raw mut nodes,
@@ -114,5 +118,8 @@ mod tests {
     fn graphs_without_edges_are_accepted_and_invalid_ones_rejected() {
         assert_eq!(partition(&[vec![], vec![], vec![], vec![]], 2), Ok(vec![0, 0, 1, 1]));
         assert!(partition(&[vec![1]], 2).is_err());
+        assert!(nested_dissection(&[0, 1, 2], &[1, 2]).is_err(), "a neighbor beyond the last node");
+        assert!(nested_dissection(&[0, 1, 3], &[1, 0]).is_err(), "offsets beyond the neighbors");
+        assert!(nested_dissection(&[], &[]).is_err());
     }
 }

@@ -25,8 +25,8 @@ pub(super) unsafe fn context_on(comm: i32) -> Result<Context, Failure> {
         return Err(Failure::new(LAS_UNSUPPORTED, "there is no communicator before MPI_Init"));
     }
     let session = session()?;
-    // SAFETY: MPI is initialized; the caller ensures that the handle is valid. `ManuallyDrop` prevents that the
-    // caller's communicator is freed.
+    // SAFETY: MPI is initialized; the caller ensures that the handle is valid. `ManuallyDrop` prevents the
+    // caller's communicator from being freed.
     let comm = std::mem::ManuallyDrop::new(unsafe { SimpleCommunicator::from_raw(RSMPI_Comm_f2c(comm)) });
     Ok(Context::new(&session, &*comm))
 }

@@ -27,7 +27,8 @@ pub trait MatVec<B: Backend> {
     /// Returns [`SolveError::Size`] if `d` has another length.
     fn diagonal(&self, d: &mut B::Vector) -> Result<(), SolveError<B::Error>>;
 
-    /// `d[i] = 1 / A[i, i]`.
+    /// `d[i] = 1 / A[i, i]`. The provided implementation is for backends whose local entries of a vector are all of its
+    /// entries; a backend that distributes its vectors must override it.
     ///
     /// # Errors
     /// Returns [`SolveError::ZeroDiagonal`] if a diagonal entry (of any lane) is zero, [`SolveError::Size`] if `d` has
@@ -41,6 +42,7 @@ pub trait MatVec<B: Backend> {
             }
             zero
         })?;
+        d.finish()?;
         zero.map_or(Ok(()), |row| Err(SolveError::ZeroDiagonal { row }))
     }
 }

@@ -41,7 +41,7 @@ pub enum SparsityError {
         /// Row.
         row: usize,
     },
-    /// More entries or unknowns than 32-bit signed indices can address.
+    /// More entries, unknowns, or unknowns of all elements together, than 32-bit signed indices can address.
     #[error("{0} is more than the 2147483647 that 32-bit indices can address")]
     TooLarge(usize),
 }
@@ -54,7 +54,7 @@ impl Sparsity {
     ///
     /// # Errors
     /// Returns [`SparsityError::Column`] if an unknown is not below `unknowns` (its `row` is then the element number),
-    /// or [`SparsityError::TooLarge`].
+    /// or [`SparsityError::TooLarge`], also for the sum of the unknowns of all elements.
     pub fn from_elements<E, I>(unknowns: usize, elements: E) -> Result<Self, SparsityError>
     where
         E: IntoIterator<Item = I>,
@@ -144,6 +144,7 @@ impl Sparsity {
     }
 
     /// The pattern of the transpose.
+    #[must_use]
     pub fn transpose(&self) -> Self {
         let (row_offsets, columns) = transposed(self.cols, &self.row_offsets, &self.columns);
         Self { cols: self.rows(), row_offsets: row_offsets.into(), columns: columns.into() }

@@ -81,16 +81,15 @@ pub fn matrix<A: Backend<Scalar: Scalar, Matrix: Entries<A>>, B: Backend>(
     context: &B::Context,
 ) -> Result<B::Matrix, TransferError<A::Error, B::Error>> {
     let pattern = from.pattern().map_err(TransferError::From)?;
-    let mut values = Vec::with_capacity(pattern.nnz());
-    from.for_each(|_, _, value| values.push(converted::<A, B>(value))).map_err(TransferError::From)?;
     let mut to = B::matrix(context, &pattern).map_err(TransferError::To)?;
-    let mut rest = &values[..];
-    for row in 0..pattern.rows() {
-        let columns: Vec<_> = pattern.row(row).iter().map(|&column| B::Index::of(column as usize)).collect();
-        let (these, behind) = rest.split_at(columns.len());
-        to.set(&[B::Index::of(row)], &columns, these).map_err(TransferError::To)?;
-        rest = behind;
-    }
+    let mut outcome = Ok(());
+    let copy = |row, column, value| {
+        if outcome.is_ok() {
+            outcome = to.set(&[B::Index::of(row)], &[B::Index::of(column)], &[converted::<A, B>(value)]);
+        }
+    };
+    from.for_each(copy).map_err(TransferError::From)?;
+    outcome.map_err(TransferError::To)?;
     to.finish().map_err(TransferError::To)?;
     Ok(to)
 }

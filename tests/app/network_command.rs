@@ -166,6 +166,8 @@ fn generate_and_info_print_the_same_statistics() {
         (&"voronoi".into(), &0.5.into(), &0.05.into())
     );
     assert_eq!(params["align"], serde_json::json!([1.0, -1.0, 0.0]));
+    assert!(params.get("min_distance").is_none() && params.get("shorter_than").is_none(), "{params}");
+    assert_eq!(made["unsupported_components"], 0);
     let info = json("info gel.txt --json");
     for key in ["nodes", "fibers", "length", "total_length", "orientation", "order", "coordination", "components"] {
         assert_eq!(made[key], info[key], "{key}");

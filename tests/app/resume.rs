@@ -405,7 +405,7 @@ fn results_of_a_partial_step_are_kept_with_those_of_full_steps_and_removed_with_
     assert_eq!((full.step(), last.file.as_str()), (Some(steps), partial.as_str()));
     assert!(last.time > full.time);
     let field = format!("fields-{steps:05}.vtu");
-    assert_eq!(fs::read(failed.join(&field)).unwrap(), fs::read(third.join(&field)).unwrap(), "same full step");
+    assert_eq!(fs::read(failed.join(&field)).unwrap(), fs::read(third.join(&field)).unwrap(), "the full step differs");
 
     let before = contents(&failed);
     fails(&pressed, &failed, true, &mut ());

@@ -47,7 +47,7 @@ impl Mode {
             ["coupled"] => Ok(Self::Coupled(2)),
             ["coupled", ranks] => {
                 let count = ranks.parse::<usize>().ok().filter(|count| (1..=CELLS).contains(count));
-                let wrong = || format!("{ranks} ranks cannot share {CELLS} cells; give 1 to {CELLS}");
+                let wrong = || format!("`{ranks}` is not a number of ranks from 1 to {CELLS}");
                 count.map(Self::Coupled).ok_or_else(wrong)
             }
             [] => Err("the simulation is missing".to_owned()),

@@ -13,14 +13,13 @@ use std::convert::Infallible;
 use std::marker::PhantomData;
 use std::sync::Arc;
 
-use faer::traits::RealField;
-
 pub use matrix::Matrix;
+use solve::DenseScalar;
 pub use solve::{Solver, Symbolic};
 
 use crate::backends::checks::check_analyzable;
 use crate::backends::local::contiguous_vector;
-use crate::las::{Backend, Scalar, SolveError, SolverParams, Sparsity};
+use crate::las::{Backend, SolveError, SolverParams, Sparsity};
 
 type Failure = SolveError<Infallible>;
 
@@ -30,7 +29,7 @@ pub struct Dense<T = f64>(PhantomData<fn() -> T>);
 
 contiguous_vector!();
 
-impl<T: Scalar + RealField> Backend for Dense<T> {
+impl<T: DenseScalar> Backend for Dense<T> {
     const NAME: &'static str = "dense";
 
     type Scalar = T;
@@ -58,6 +57,6 @@ impl<T: Scalar + RealField> Backend for Dense<T> {
     }
 
     fn solver(symbolic: &Arc<Symbolic>) -> Result<Solver<T>, Failure> {
-        Solver::new(symbolic)
+        T::solver(symbolic)
     }
 }

@@ -2,15 +2,13 @@
 
 use std::convert::Infallible;
 
-use faer::traits::RealField;
-
-use super::{Dense, Matrix, Vector};
+use super::{Dense, DenseScalar, Matrix, Vector};
 use crate::backends::local;
-use crate::las::{MatrixOps, Scalar};
+use crate::las::MatrixOps;
 
-local::impl_vector_ops!([T: Scalar + RealField] Dense<T>, Vector<T>, T, T, norm: local::norm, dot: local::dot);
+local::impl_vector_ops!([T: DenseScalar] Dense<T>, Vector<T>, T, T, norm: local::norm, dot: local::dot);
 
-impl<T: Scalar + RealField> Matrix<T> {
+impl<T: DenseScalar> Matrix<T> {
     /// Calls `visit(entry, value of the block)` for every pair of indices of a block that is inside the matrix.
     #[inline(always)]
     fn scatter(&mut self, rows: &[i32], cols: &[i32], block: &[T], mut visit: impl FnMut(&mut T, T)) {
@@ -29,7 +27,7 @@ impl<T: Scalar + RealField> Matrix<T> {
     }
 }
 
-impl<T: Scalar + RealField> MatrixOps<Dense<T>> for Matrix<T> {
+impl<T: DenseScalar> MatrixOps<Dense<T>> for Matrix<T> {
     #[inline(always)]
     fn shape(&self) -> (usize, usize) {
         (self.rows, self.cols)

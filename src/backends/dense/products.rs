@@ -4,15 +4,14 @@ use std::convert::Infallible;
 use std::sync::Arc;
 
 use faer::linalg::matmul::matmul;
-use faer::traits::RealField;
 use faer::{Accum, MatMut, MatRef, Par};
 
-use super::{Dense, Failure, Matrix, Vector};
+use super::{Dense, DenseScalar, Failure, Matrix, Vector};
 use crate::backends::checks::check_size;
 use crate::backends::local;
 use crate::las::{Entries, MatMat, MatVec, Scalar, Sparsity};
 
-impl<T: Scalar + RealField> MatVec<Dense<T>> for Matrix<T> {
+impl<T: DenseScalar> MatVec<Dense<T>> for Matrix<T> {
     fn mul(&self, x: &Vector<T>, y: &mut Vector<T>) -> Result<(), Failure> {
         check_size("the vector to multiply", x.values.len(), self.cols)?;
         check_size("the product", y.values.len(), self.rows)?;
@@ -41,7 +40,7 @@ impl<T: Scalar + RealField> MatVec<Dense<T>> for Matrix<T> {
     }
 }
 
-impl<T: Scalar + RealField> MatMat<Dense<T>> for Matrix<T> {
+impl<T: DenseScalar> MatMat<Dense<T>> for Matrix<T> {
     fn scale(&mut self, factor: T) -> Result<(), Infallible> {
         self.values.iter_mut().for_each(|value| *value *= factor);
         Ok(())
@@ -78,7 +77,7 @@ impl<T: Scalar + RealField> MatMat<Dense<T>> for Matrix<T> {
     }
 }
 
-impl<T: Scalar + RealField> Entries<Dense<T>> for Matrix<T> {
+impl<T: DenseScalar> Entries<Dense<T>> for Matrix<T> {
     /// Returns the full pattern.
     fn pattern(&self) -> Result<Arc<Sparsity>, Infallible> {
         Ok(Arc::new(Sparsity::full(self.rows, self.cols)))

@@ -34,7 +34,7 @@ pub struct Symbolic {
 /// A matrix declared [`Symmetry::Definite`] is factored by Cholesky, which reads the upper triangle of the matrix, or
 /// by LDL^T with Bunch-Kaufman pivoting if a pivot is not positive. A symmetric matrix is factored by LDL^T, any other
 /// by LU. After one factorization and one solve, nothing allocates.
-pub struct Solver<T: Scalar + RealField = f64> {
+pub struct Solver<T: DenseScalar = f64> {
     symbolic: Arc<Symbolic>,
     /// The factorization used by solves; `None` if there is no valid one.
     active: Option<Factorization>,
@@ -52,8 +52,8 @@ pub struct Solver<T: Scalar + RealField = f64> {
     iterative: Option<Box<IterativeSolver<Dense<T>>>>,
 }
 
-impl<T: Scalar + RealField> Solver<T> {
-    pub(super) fn new(symbolic: &Arc<Symbolic>) -> Result<Self, Failure> {
+impl<T: DenseScalar> Solver<T> {
+    fn new(symbolic: &Arc<Symbolic>) -> Result<Self, Failure> {
         let Method::Iterative(method) = symbolic.params.method else {
             return Ok(Self::direct(symbolic, symbolic.unknowns));
         };
@@ -186,19 +186,9 @@ impl<T: Scalar + RealField> Solver<T> {
         })
         .inspect_err(|_| self.active = None)
     }
-}
 
-/// Returns the working memory for solves with `columns` right-hand sides, for all three factorizations.
-fn solve_scratch<T: RealField>(unknowns: usize, columns: usize) -> StackReq {
-    StackReq::any_of(&[
-        llt::solve::solve_in_place_scratch::<T>(unknowns, columns, Par::Seq),
-        lblt::solve::solve_in_place_scratch::<u32, T>(unknowns, columns, Par::Seq),
-        lu::solve::solve_in_place_scratch::<u32, T>(unknowns, columns, Par::Seq),
-    ])
-}
-
-impl<T: Scalar + RealField> crate::las::Solver<Dense<T>> for Solver<T> {
-    fn factor(&mut self, a: &Matrix<T>) -> Result<FactorReport, Failure> {
+    /// See [`crate::las::Solver::factor`].
+    fn factor_any(&mut self, a: &Matrix<T>) -> Result<FactorReport, Failure> {
         self.active = None;
         self.check(a)?;
         if let Some(iterative) = &mut self.iterative {
@@ -207,7 +197,8 @@ impl<T: Scalar + RealField> crate::las::Solver<Dense<T>> for Solver<T> {
         self.factor_checked(a)
     }
 
-    fn factor_definite(&mut self, a: &Matrix<T>) -> Result<FactorReport, Failure> {
+    /// See [`crate::las::Solver::factor_definite`].
+    fn factor_only_definite(&mut self, a: &Matrix<T>) -> Result<FactorReport, Failure> {
         self.active = None;
         self.check(a)?;
         if let Some(iterative) = &mut self.iterative {
@@ -217,7 +208,8 @@ impl<T: Scalar + RealField> crate::las::Solver<Dense<T>> for Solver<T> {
         definite(Dense::<T>::NAME, report).inspect_err(|_| self.active = None)
     }
 
-    fn solve_many(&mut self, b: &[Vector<T>], x: &mut [Vector<T>]) -> Result<SolveReport, Failure> {
+    /// See [`crate::las::Solver::solve_many`].
+    fn solve_columns(&mut self, b: &[Vector<T>], x: &mut [Vector<T>]) -> Result<SolveReport, Failure> {
         if let Some(iterative) = &mut self.iterative {
             return iterative.solve_columns(b, x);
         }
@@ -256,5 +248,79 @@ impl<T: Scalar + RealField> crate::las::Solver<Dense<T>> for Solver<T> {
             x.values.copy_from_slice(column);
         }
         Ok(SolveReport::DIRECT)
+    }
+}
+
+/// Returns the working memory for solves with `columns` right-hand sides, for all three factorizations.
+fn solve_scratch<T: RealField>(unknowns: usize, columns: usize) -> StackReq {
+    StackReq::any_of(&[
+        llt::solve::solve_in_place_scratch::<T>(unknowns, columns, Par::Seq),
+        lblt::solve::solve_in_place_scratch::<u32, T>(unknowns, columns, Par::Seq),
+        lu::solve::solve_in_place_scratch::<u32, T>(unknowns, columns, Par::Seq),
+    ])
+}
+
+/// A scalar type of this backend, `f64` or `f32`, with the operations of [`Solver`] for it.
+///
+/// Each type implements them separately, so that this crate compiles the factorizations, with those of faer. Functions
+/// that are generic in the scalar would be compiled again in every crate that calls them.
+pub trait DenseScalar: Scalar + RealField {
+    /// Creates a solver.
+    fn solver(symbolic: &Arc<Symbolic>) -> Result<Solver<Self>, Failure>;
+
+    /// See [`crate::las::Solver::factor`].
+    fn factor(solver: &mut Solver<Self>, a: &Matrix<Self>) -> Result<FactorReport, Failure>;
+
+    /// See [`crate::las::Solver::factor_definite`].
+    fn factor_definite(solver: &mut Solver<Self>, a: &Matrix<Self>) -> Result<FactorReport, Failure>;
+
+    /// See [`crate::las::Solver::solve_many`].
+    fn solve_many(
+        solver: &mut Solver<Self>,
+        b: &[Vector<Self>],
+        x: &mut [Vector<Self>],
+    ) -> Result<SolveReport, Failure>;
+}
+
+macro_rules! impl_scalar {
+    ($scalar:ty) => {
+        impl DenseScalar for $scalar {
+            fn solver(symbolic: &Arc<Symbolic>) -> Result<Solver<Self>, Failure> {
+                Solver::new(symbolic)
+            }
+
+            fn factor(solver: &mut Solver<Self>, a: &Matrix<Self>) -> Result<FactorReport, Failure> {
+                solver.factor_any(a)
+            }
+
+            fn factor_definite(solver: &mut Solver<Self>, a: &Matrix<Self>) -> Result<FactorReport, Failure> {
+                solver.factor_only_definite(a)
+            }
+
+            fn solve_many(
+                solver: &mut Solver<Self>,
+                b: &[Vector<Self>],
+                x: &mut [Vector<Self>],
+            ) -> Result<SolveReport, Failure> {
+                solver.solve_columns(b, x)
+            }
+        }
+    };
+}
+
+impl_scalar!(f64);
+impl_scalar!(f32);
+
+impl<T: DenseScalar> crate::las::Solver<Dense<T>> for Solver<T> {
+    fn factor(&mut self, a: &Matrix<T>) -> Result<FactorReport, Failure> {
+        T::factor(self, a)
+    }
+
+    fn factor_definite(&mut self, a: &Matrix<T>) -> Result<FactorReport, Failure> {
+        T::factor_definite(self, a)
+    }
+
+    fn solve_many(&mut self, b: &[Vector<T>], x: &mut [Vector<T>]) -> Result<SolveReport, Failure> {
+        T::solve_many(self, b, x)
     }
 }

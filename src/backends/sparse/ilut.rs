@@ -9,7 +9,7 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-use super::block::BlockScalar;
+use super::solve::SparseScalar;
 use super::{Failure, Matrix, Sparse, Vector};
 use crate::backends::direct::Pivots;
 use crate::backends::iterative::{ApproximateInverse, SimplePreconditioner};
@@ -145,7 +145,7 @@ impl<T: Scalar> Ilut<T> {
     }
 }
 
-impl<T: BlockScalar> ApproximateInverse<Sparse<T>> for Ilut<T> {
+impl<T: SparseScalar> ApproximateInverse<Sparse<T>> for Ilut<T> {
     /// Factors a square matrix. A zero pivot is replaced by a small one, as SPARSKIT does; a zero row is an error.
     fn compute(&mut self, a: &Matrix<T>) -> Result<Option<Pivots>, Failure> {
         let n = a.pattern().rows();
@@ -194,7 +194,7 @@ impl<T: BlockScalar> ApproximateInverse<Sparse<T>> for Ilut<T> {
 }
 
 /// Creates a preconditioner: none, the diagonal, or an incomplete factorization.
-pub(super) fn preconditioner<T: BlockScalar>(
+pub(super) fn preconditioner<T: SparseScalar>(
     unknowns: usize,
     kind: Preconditioner,
 ) -> Result<Box<dyn ApproximateInverse<Sparse<T>>>, Failure> {

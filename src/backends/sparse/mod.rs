@@ -41,8 +41,8 @@ use std::marker::PhantomData;
 use std::sync::Arc;
 
 pub use analysis::Symbolic;
-use block::BlockScalar;
 pub use solve::Solver;
+use solve::SparseScalar;
 
 use crate::backends::csr::impl_backend_ops;
 pub use crate::backends::csr::{Matrix, Vector};
@@ -55,9 +55,9 @@ type Failure = SolveError<Infallible>;
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Sparse<T = f64>(PhantomData<fn() -> T>);
 
-impl_backend_ops!([T: BlockScalar] Sparse<T>, T, T, norm: local::norm, dot: local::dot);
+impl_backend_ops!([T: SparseScalar] Sparse<T>, T, T, norm: local::norm, dot: local::dot);
 
-impl<T: BlockScalar> Backend for Sparse<T> {
+impl<T: SparseScalar> Backend for Sparse<T> {
     const NAME: &'static str = "sparse";
 
     type Scalar = T;
@@ -84,6 +84,6 @@ impl<T: BlockScalar> Backend for Sparse<T> {
     }
 
     fn solver(symbolic: &Arc<Symbolic>) -> Result<Solver<T>, Failure> {
-        Solver::new(symbolic)
+        T::solver(symbolic)
     }
 }

@@ -27,7 +27,7 @@ use crate::las::{Backend, FactorReport, Factorization, Method, SolveError, Solve
 /// that point and kept. LDL^T exchanges unknowns only within a supernode. If one of its pivots is (nearly) zero
 /// although the matrix may be regular, LU with partial pivoting either factors the matrix or finds it singular. LU
 /// allocates in every factorization, the others only in their first.
-pub struct Solver<T: BlockScalar = f64> {
+pub struct Solver<T: SparseScalar = f64> {
     symbolic: Arc<Symbolic>,
     limit: f64,
     /// The factorization used by solves; `None` if there is no valid one.
@@ -45,8 +45,8 @@ pub struct Solver<T: BlockScalar = f64> {
     iterative: Option<Box<IterativeSolver<Sparse<T>>>>,
 }
 
-impl<T: BlockScalar> Solver<T> {
-    pub(super) fn new(symbolic: &Arc<Symbolic>) -> Result<Self, Failure> {
+impl<T: SparseScalar> Solver<T> {
+    fn new(symbolic: &Arc<Symbolic>) -> Result<Self, Failure> {
         let mut solver = Self {
             limit: singular_limit::<T>(&symbolic.params),
             active: None,
@@ -262,6 +262,54 @@ impl<T: BlockScalar> Solver<T> {
         }
         Ok(SolveReport::DIRECT)
     }
+
+    /// See [`crate::las::Solver::factor`].
+    fn factor_any(&mut self, a: &Matrix<T>) -> Result<FactorReport, Failure> {
+        self.active = None;
+        self.check(a)?;
+        if let Some(iterative) = &mut self.iterative {
+            return iterative.factor(a).map(|(report, _)| report);
+        }
+        self.factor_checked(a)
+    }
+
+    /// See [`crate::las::Solver::factor_definite`].
+    fn factor_only_definite(&mut self, a: &Matrix<T>) -> Result<FactorReport, Failure> {
+        self.active = None;
+        self.check(a)?;
+        if let Some(iterative) = &mut self.iterative {
+            return iterative.factor_definite(a);
+        }
+        if self.symbolic.params.symmetry == Symmetry::Definite
+            && let Some(report) = self.factor_by_cholesky(a)?
+        {
+            return Ok(report);
+        }
+        let report = self.factor_checked(a)?;
+        definite(Sparse::<T>::NAME, report).inspect_err(|_| self.active = None)
+    }
+
+    /// See [`crate::las::Solver::solve_many`].
+    fn solve_columns(&mut self, b: &[Vector<T>], x: &mut [Vector<T>]) -> Result<SolveReport, Failure> {
+        if let Some(iterative) = &mut self.iterative {
+            return iterative.solve_columns(b, x);
+        }
+        let n = self.symbolic.unknowns();
+        check_columns(n, b.iter().map(|b| b.values.len()), x.iter().map(|x| x.values.len()))?;
+        let active = self.active.ok_or(SolveError::NotFactored)?;
+        if n == 0 || b.is_empty() {
+            return Ok(SolveReport::DIRECT);
+        }
+        if let (Factorization::Cholesky, Some(analysis), Some(blocks)) =
+            (active, &self.symbolic.blocks, &mut self.blocks)
+        {
+            blocks.reserve(analysis, b.len());
+            blocks.solve(analysis, b, x);
+            return Ok(SolveReport::DIRECT);
+        }
+        self.reserve_columns(b.len());
+        self.solve_by_library(active, b, x)
+    }
 }
 
 /// Gathers `columns[k][position] = b[k][order[position]]`.
@@ -282,50 +330,68 @@ fn spread<T: Copy>(columns: &[T], x: &mut [Vector<T>], order: &[u32]) {
     }
 }
 
-impl<T: BlockScalar> crate::las::Solver<Sparse<T>> for Solver<T> {
-    fn factor(&mut self, a: &Matrix<T>) -> Result<FactorReport, Failure> {
-        self.active = None;
-        self.check(a)?;
-        if let Some(iterative) = &mut self.iterative {
-            return iterative.factor(a).map(|(report, _)| report);
+/// A scalar type of this backend, `f64` or `f32`, with the operations of [`Solver`] for it.
+///
+/// Each type implements them separately, so that this crate compiles the factorizations, with those of faer. Functions
+/// that are generic in the scalar would be compiled again in every crate that calls them.
+pub trait SparseScalar: BlockScalar {
+    /// Creates a solver.
+    fn solver(symbolic: &Arc<Symbolic>) -> Result<Solver<Self>, Failure>;
+
+    /// See [`crate::las::Solver::factor`].
+    fn factor(solver: &mut Solver<Self>, a: &Matrix<Self>) -> Result<FactorReport, Failure>;
+
+    /// See [`crate::las::Solver::factor_definite`].
+    fn factor_definite(solver: &mut Solver<Self>, a: &Matrix<Self>) -> Result<FactorReport, Failure>;
+
+    /// See [`crate::las::Solver::solve_many`].
+    fn solve_many(
+        solver: &mut Solver<Self>,
+        b: &[Vector<Self>],
+        x: &mut [Vector<Self>],
+    ) -> Result<SolveReport, Failure>;
+}
+
+macro_rules! impl_scalar {
+    ($scalar:ty) => {
+        impl SparseScalar for $scalar {
+            fn solver(symbolic: &Arc<Symbolic>) -> Result<Solver<Self>, Failure> {
+                Solver::new(symbolic)
+            }
+
+            fn factor(solver: &mut Solver<Self>, a: &Matrix<Self>) -> Result<FactorReport, Failure> {
+                solver.factor_any(a)
+            }
+
+            fn factor_definite(solver: &mut Solver<Self>, a: &Matrix<Self>) -> Result<FactorReport, Failure> {
+                solver.factor_only_definite(a)
+            }
+
+            fn solve_many(
+                solver: &mut Solver<Self>,
+                b: &[Vector<Self>],
+                x: &mut [Vector<Self>],
+            ) -> Result<SolveReport, Failure> {
+                solver.solve_columns(b, x)
+            }
         }
-        self.factor_checked(a)
+    };
+}
+
+impl_scalar!(f64);
+impl_scalar!(f32);
+
+impl<T: SparseScalar> crate::las::Solver<Sparse<T>> for Solver<T> {
+    fn factor(&mut self, a: &Matrix<T>) -> Result<FactorReport, Failure> {
+        T::factor(self, a)
     }
 
     fn factor_definite(&mut self, a: &Matrix<T>) -> Result<FactorReport, Failure> {
-        self.active = None;
-        self.check(a)?;
-        if let Some(iterative) = &mut self.iterative {
-            return iterative.factor_definite(a);
-        }
-        if self.symbolic.params.symmetry == Symmetry::Definite
-            && let Some(report) = self.factor_by_cholesky(a)?
-        {
-            return Ok(report);
-        }
-        let report = self.factor_checked(a)?;
-        definite(Sparse::<T>::NAME, report).inspect_err(|_| self.active = None)
+        T::factor_definite(self, a)
     }
 
     fn solve_many(&mut self, b: &[Vector<T>], x: &mut [Vector<T>]) -> Result<SolveReport, Failure> {
-        if let Some(iterative) = &mut self.iterative {
-            return iterative.solve_columns(b, x);
-        }
-        let n = self.symbolic.unknowns();
-        check_columns(n, b.iter().map(|b| b.values.len()), x.iter().map(|x| x.values.len()))?;
-        let active = self.active.ok_or(SolveError::NotFactored)?;
-        if n == 0 || b.is_empty() {
-            return Ok(SolveReport::DIRECT);
-        }
-        if let (Factorization::Cholesky, Some(analysis), Some(blocks)) =
-            (active, &self.symbolic.blocks, &mut self.blocks)
-        {
-            blocks.reserve(analysis, b.len());
-            blocks.solve(analysis, b, x);
-            return Ok(SolveReport::DIRECT);
-        }
-        self.reserve_columns(b.len());
-        self.solve_by_library(active, b, x)
+        T::solve_many(self, b, x)
     }
 }
 

@@ -91,7 +91,8 @@ fn words(line: &str) -> Vec<&str> {
     line.split_whitespace().take_while(|word| !word.starts_with('#') && !word.starts_with("//")).collect()
 }
 
-const SECTIONS: [&str; 4] = ["scales", "relations", "util", "analysis"];
+/// A method of the reader that reads an entry: its first word and the others.
+type ReadEntry<'a> = fn(&mut Reader<'a>, &str, &[&str]);
 
 /// The state of the parser.
 struct Reader<'a> {
@@ -99,8 +100,8 @@ struct Reader<'a> {
     variable: &'a dyn Fn(&str) -> Option<String>,
     /// Current line, from 1.
     line: usize,
-    /// The current section; empty for an unknown one, which is reported once and whose entries are skipped.
-    section: Option<&'static str>,
+    /// Reads the entries of the current section.
+    section: Option<ReadEntry<'a>>,
     config: Config,
     /// Names and line numbers of the scales, including those with an invalid share.
     names: Vec<(String, usize)>,
@@ -132,8 +133,15 @@ impl<'a> Reader<'a> {
     }
 
     fn begin(&mut self, name: &str, rest: &[&str]) {
-        let section = SECTIONS.into_iter().find(|&known| known == name);
-        self.section = Some(section.unwrap_or_default());
+        let section: Option<ReadEntry<'a>> = match name {
+            "scales" => Some(Self::scale),
+            "relations" => Some(Self::relation),
+            "util" => Some(Self::util),
+            "analysis" => Some(Self::analysis),
+            _ => None,
+        };
+        // The entries of an unknown section are skipped.
+        self.section = Some(section.unwrap_or(|_, _, _| {}));
         if section.is_none() {
             let known = "`@scales`, `@relations`, `@util` or `@analysis`";
             self.report(format!("there is no section `@{name}`"), known, "correct its name, or remove the section");
@@ -146,11 +154,7 @@ impl<'a> Reader<'a> {
 
     fn entry(&mut self, head: &str, rest: &[&str]) {
         match self.section {
-            Some("scales") => self.scale(head, rest),
-            Some("relations") => self.relation(head, rest),
-            Some("util") => self.util(head, rest),
-            Some("analysis") => self.analysis(head, rest),
-            Some(_) => {}
+            Some(read) => read(self, head, rest),
             None => self.report(
                 format!("`{head}` is outside all sections"),
                 "a section, such as `@scales`, before the first entry",

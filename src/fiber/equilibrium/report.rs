@@ -71,7 +71,11 @@ impl EquilibriumReport {
                 ..next.relaxation
             },
             saddles: self.saddles + next.saddles,
-            ..next
+            // Listed, so that a new counter is not forgotten above.
+            stage: next.stage,
+            newton: next.newton,
+            neutral: next.neutral,
+            negative_pivots: next.negative_pivots,
         }
     }
 }

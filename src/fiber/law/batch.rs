@@ -4,7 +4,7 @@ use crate::fiber::simd::{Kernel, vectorized};
 
 /// The formula of a law without branches, so that the compiler can vectorize its loops.
 ///
-/// Implementations must be `#[inline(always)]`.
+/// Implementations of `stress_of` and `energy_of` must be `#[inline(always)]`.
 pub(super) trait Formula: Sized {
     /// Nominal stress and slope.
     fn stress_of<const FUSED: bool>(&self, stretch: f64) -> (f64, f64);

@@ -68,7 +68,7 @@ pub enum CommError {
         /// Expected size in bytes.
         expected: usize,
     },
-    /// A collective message of several parts does not have the lengths of its parts.
+    /// A collective message cannot be split into the messages of the ranks.
     #[error("a message of {found} bytes from rank {from} is not a sequence of messages")]
     Malformed {
         /// The sender.
@@ -234,7 +234,7 @@ pub trait Comm: Clone + Send + 'static {
     }
 
     /// Returns the messages of all ranks on `root`, ordered by rank, and `None` on the other ranks. Collective: the
-    /// other ranks may also wait until all ranks have called it, as they do on MPI.
+    /// other ranks may also wait until all ranks have called it.
     ///
     /// # Errors
     /// Returns [`CommError`] if the communication fails.

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use super::simd::SimdLevel;
 use super::*;
 use crate::backends::sparse::order::eliminate;
+use crate::backends::sparse::solve::SparseScalar;
 use crate::backends::sparse::{Matrix, Solver, Sparse, Symbolic, Vector};
 use crate::las::conformance::{DenseReference, Random};
 use crate::las::{Backend, Factorization, MatVec, Ordering, Scalar, SolveError, Solver as _, SolverParams, Symmetry};
@@ -68,7 +69,7 @@ fn patterns(random: &mut Random) -> Vec<Arc<Sparsity>> {
     patterns
 }
 
-fn matrix<T: BlockScalar>(pattern: &Arc<Sparsity>, a: &DenseReference) -> Matrix<T> {
+fn matrix<T: SparseScalar>(pattern: &Arc<Sparsity>, a: &DenseReference) -> Matrix<T> {
     let mut matrix = Matrix::zeros(pattern);
     let entries =
         (0..a.rows).flat_map(|row| pattern.row(row).iter().map(move |&column| row * a.cols + column as usize));
@@ -213,7 +214,7 @@ fn lower<T: Scalar>(analysis: &SymbolicBlockCholesky, panels: &[Column<T>]) -> V
 
 /// All register widths agree up to rounding, in both precisions, also in the position where a matrix is not definite;
 /// widths with fused multiply-add agree bitwise.
-fn levels_agree<T: BlockScalar>() {
+fn levels_agree<T: SparseScalar>() {
     for seed in 0..40 {
         let mut random = Random::new(seed);
         let (nodes, bars) = (1 + random.below(90), 1 + random.below(6));
@@ -264,7 +265,7 @@ fn bodies_on_rollers_are_factored_by_blocks_and_scalar_matrices_are_not() {
     assert!(!by_blocks(&blocks_of(&[2; 50], &chain)));
 }
 
-fn solver<T: BlockScalar>(pattern: &Arc<Sparsity>, ordering: Ordering) -> (Arc<Symbolic>, Solver<T>) {
+fn solver<T: SparseScalar>(pattern: &Arc<Sparsity>, ordering: Ordering) -> (Arc<Symbolic>, Solver<T>) {
     let mut params = SolverParams::new(Symmetry::Definite);
     params.ordering = ordering;
     // Wide enough that rounding in a singular matrix stays below it.
@@ -279,7 +280,7 @@ fn right_sides<T: Scalar>(random: &mut Random, unknowns: usize, count: usize) ->
     (0..count).map(|_| (0..unknowns).map(|_| T::of(random.signed())).collect::<Vec<T>>().into()).collect()
 }
 
-fn check_solutions<T: BlockScalar>(a: &Matrix<T>, b: &[Vector<T>], x: &[Vector<T>]) {
+fn check_solutions<T: SparseScalar>(a: &Matrix<T>, b: &[Vector<T>], x: &[Vector<T>]) {
     let mut product = Vector::from(vec![T::zero(); a.pattern().rows()]);
     for (b, x) in b.iter().zip(x) {
         a.mul(x, &mut product).unwrap();
@@ -289,7 +290,7 @@ fn check_solutions<T: BlockScalar>(a: &Matrix<T>, b: &[Vector<T>], x: &[Vector<T
 }
 
 /// Solves for every number of right-hand sides, in both precisions.
-fn solves<T: BlockScalar>() {
+fn solves<T: SparseScalar>() {
     let mut random = Random::new(2);
     for pattern in patterns(&mut random) {
         let a = matrix::<T>(&pattern, &DenseReference::dominant(&mut random, &pattern, |_| 1.0));

@@ -15,15 +15,20 @@ pub struct Generated {
     /// The seed of the random numbers.
     pub seed: u64,
     /// The preferred direction of the fibers, as given.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub align: Option<[f64; 3]>,
     /// The requested second-order parameter.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub strength: Option<f64>,
     /// Nodes joined by a fiber shorter than this fraction of the mean spacing of the points were merged.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub merge: Option<f64>,
     /// The minimum distance between two points as a fraction of the mean spacing, if it is not the default of
     /// [`GeneratorParams::new`].
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub min_distance: Option<f64>,
     /// Fibers shorter than this fraction of the cube's edge were removed.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub shorter_than: Option<f64>,
     /// The program and its version.
     pub program: String,

@@ -383,7 +383,8 @@ mod tests {
                 ":5: 1 fiber types in the list";
             "[[fiber_type]]\nname = \"linear\"\nradius = 1\n[fibers]\ntypes = [0, 0, 0]\n" =>
                 ":1: the law `linear` needs a youngs_modulus";
-            law("linear", "radius = 1\nyoungs_modulus = 1") + "[[fiber_type]]\nname = \"linear\"\nradius = 1\n" =>
+            law("linear", "radius = 1\nyoungs_modulus = 1")
+                + "[[fiber_type]]\nname = \"linear\"\nradius = 1\nyoungs_modulus = 1\n" =>
                 ":1: the file has both [law] and [[fiber_type]]";
         }
         assert!(parse(Path::new("n.toml"), b"[law]\nname = \"\xff\"", 3).is_err());

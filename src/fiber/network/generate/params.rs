@@ -41,7 +41,6 @@ impl Kind {
     /// networks), and 4.2 fibers instead of 4 meet at a node. In three networks of 60 points, it reduces the stress at
     /// a stretch of 1.8 by 0.4 to 1.4 %, and Newton's method to a stretch of 1.05 takes on average 28 instead of 42
     /// iterations. At 0.1, stresses would be up to 6 % lower, with 4.4 fibers per node.
-    #[must_use]
     pub fn default_merge_length(self) -> f64 {
         match self {
             Self::Delaunay => 0.0,
