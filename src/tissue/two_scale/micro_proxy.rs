@@ -89,7 +89,7 @@ impl<'a, C: Comm> MicroProxy<'a, C> {
     /// Ends the loops of the other ranks; first reverts a step that is still open.
     pub fn complete(&self) -> Result<(), TwoScaleError> {
         if self.in_step {
-            self.broadcast(&Command::Reject)?;
+            self.broadcast(&Command::Revert)?;
             self.receive()?;
         }
         self.send_to_followers(&FollowerCommand::End)?;
@@ -223,7 +223,7 @@ impl<'a, C: Comm> MicroProxy<'a, C> {
     /// Ends a step on the micro scale. Returns the report of each of its ranks, and the times of all ranks of both
     /// scales per trial state.
     pub fn end_step(&mut self, converged: bool) -> Result<(Vec<RankReport>, Vec<Vec<RankTimes>>), TwoScaleError> {
-        self.broadcast(&if converged { Command::Accept } else { Command::Reject })?;
+        self.broadcast(&if converged { Command::Commit } else { Command::Revert })?;
         self.in_step = false;
         let mut reporting = RankTimes::default();
         let mut reports: Vec<RankReport> = self.gather(&mut reporting)?;

@@ -90,8 +90,8 @@ impl<C: Comm, B: RealBackend> MicroSide<'_, C, B> {
 
     fn between_steps(&mut self, command: Command) -> Result<(), TwoScaleError> {
         match command {
-            Command::Accept => self.report(true),
-            Command::Reject => self.report(false),
+            Command::Commit => self.report(true),
+            Command::Revert => self.report(false),
             Command::Restore(states) => self.restore(states),
             _ => Err(TwoScaleError::Protocol),
         }

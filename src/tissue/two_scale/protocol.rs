@@ -121,9 +121,9 @@ pub enum Command {
     /// Send the reason why an RVE found no equilibrium.
     Explain,
     /// Commit: the step has converged at the last trial state.
-    Accept,
+    Commit,
     /// Revert to the last committed state: the step has failed.
-    Reject,
+    Revert,
     /// Set all RVEs to saved states: their elements, ascending, and states.
     Restore(Vec<(u64, UnitState)>),
     /// End: all steps are done.
