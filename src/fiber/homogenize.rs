@@ -67,9 +67,9 @@ pub(super) fn tangent<B: RealBackend>(
     workspace: &Workspace<B>,
 ) -> Result<Tangent, RveError<B::Error>> {
     let mut form = Tangent::zeros();
-    // The columns of the strains, in the rows of strains and spins, follow from the force rates; the columns of the
-    // spins follow from the stress. The two mixed blocks are not assumed to be transposes of each other: they are to
-    // the accuracy of the balance of forces and moments.
+    // The six columns of the strains follow from the force rates, the three columns of the spins from the stress. The
+    // two mixed blocks are not assumed to be transposes of each other: they are to the accuracy of the balance of
+    // forces and moments.
     form.fixed_view_mut::<9, MODES>(0, 0).copy_from(&(rate_products(workspace) * model.scale()));
     for w in 0..3 {
         let turned_stress = spin(w) * pk1;
@@ -126,7 +126,7 @@ fn rate_coefficients(f: &Matrix3<f64>) -> Option<Tangent> {
     Some(coefficients)
 }
 
-/// Computes the velocities of all nodes in every mode for which the force rates at interior nodes vanish.
+/// Computes, for every mode, the velocities of all nodes for which the force rates at interior nodes vanish.
 pub(super) fn solve_modes<B: RealBackend>(model: &RveModel<B>, workspace: &mut Workspace<B>) -> Solved<B> {
     /// Tolerance of the interior force rates, relative to those at all nodes: they enter the tangent squared.
     const TOLERANCE: f64 = 1e-8;

@@ -79,7 +79,7 @@ struct LoadGroup<B: Backend> {
 }
 
 impl<B: RealBackend> Assembler<B> {
-    /// Locates all elements of `mesh` in `matrix`, whose sparsity pattern is [`Unknowns::pattern`].
+    /// Looks up the positions of the entries of all elements of `mesh` in `matrix`, whose sparsity pattern is [`Unknowns::pattern`].
     ///
     /// # Errors
     /// Returns the error of the backend.

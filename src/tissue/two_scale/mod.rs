@@ -21,7 +21,7 @@
 //!     receive responses <-----------------------       solve all RVEs, send responses
 //!   Newton converged: Iterate, Task::Verify --->       verify that responses continue the last step
 //!   strain creates RVEs: Command::Units ------->       update units; Newton evaluates again
-//!   converged: Command::Commit; else Reject --->     step_complete
+//!   converged: Command::Commit; else Revert --->     step_complete
 //!   strain deletes RVEs: Command::Units ------->     update units
 //! Command::Complete --------------------------->   complete
 //! ```
