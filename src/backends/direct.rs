@@ -161,6 +161,75 @@ impl Scratch {
     }
 }
 
+/// Defines the scalars of a backend with direct solvers: the trait `$name` with the operations of `Solver` of the
+/// calling module, its implementations for `f64` and `f32`, and the solver of `las` that calls them.
+macro_rules! impl_direct_solver {
+    ($name:ident: $bound:ident $(+ $more:ident)*, $backend:ident) => {
+        /// A scalar type of this backend, `f64` or `f32`, with the operations of [`Solver`] for it.
+        ///
+        /// Each type implements them separately, so that this crate compiles the factorizations, with those of faer.
+        /// Functions that are generic in the scalar would be compiled again in every crate that calls them.
+        pub trait $name: $bound $(+ $more)* {
+            /// Creates a solver.
+            fn solver(symbolic: &Arc<Symbolic>) -> Result<Solver<Self>, Failure>;
+
+            /// See [`crate::las::Solver::factor`].
+            fn factor(solver: &mut Solver<Self>, a: &Matrix<Self>) -> Result<FactorReport, Failure>;
+
+            /// See [`crate::las::Solver::factor_definite`].
+            fn factor_definite(solver: &mut Solver<Self>, a: &Matrix<Self>) -> Result<FactorReport, Failure>;
+
+            /// See [`crate::las::Solver::solve_many`].
+            fn solve_many(
+                solver: &mut Solver<Self>,
+                b: &[Vector<Self>],
+                x: &mut [Vector<Self>],
+            ) -> Result<SolveReport, Failure>;
+        }
+
+        crate::backends::direct::impl_direct_solver!(@scalar $name for f64);
+        crate::backends::direct::impl_direct_solver!(@scalar $name for f32);
+
+        impl<T: $name> crate::las::Solver<$backend<T>> for Solver<T> {
+            fn factor(&mut self, a: &Matrix<T>) -> Result<FactorReport, Failure> {
+                T::factor(self, a)
+            }
+
+            fn factor_definite(&mut self, a: &Matrix<T>) -> Result<FactorReport, Failure> {
+                T::factor_definite(self, a)
+            }
+
+            fn solve_many(&mut self, b: &[Vector<T>], x: &mut [Vector<T>]) -> Result<SolveReport, Failure> {
+                T::solve_many(self, b, x)
+            }
+        }
+    };
+    (@scalar $name:ident for $scalar:ty) => {
+        impl $name for $scalar {
+            fn solver(symbolic: &Arc<Symbolic>) -> Result<Solver<Self>, Failure> {
+                Solver::new(symbolic)
+            }
+
+            fn factor(solver: &mut Solver<Self>, a: &Matrix<Self>) -> Result<FactorReport, Failure> {
+                solver.factor_any(a)
+            }
+
+            fn factor_definite(solver: &mut Solver<Self>, a: &Matrix<Self>) -> Result<FactorReport, Failure> {
+                solver.factor_only_definite(a)
+            }
+
+            fn solve_many(
+                solver: &mut Solver<Self>,
+                b: &[Vector<Self>],
+                x: &mut [Vector<Self>],
+            ) -> Result<SolveReport, Failure> {
+                solver.solve_columns(b, x)
+            }
+        }
+    };
+}
+pub(super) use impl_direct_solver;
+
 #[cfg(test)]
 mod tests {
     use super::*;

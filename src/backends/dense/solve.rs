@@ -13,7 +13,7 @@ use faer::{Conj, MatMut, MatRef, Par, Spec};
 
 use super::{Dense, Failure, Matrix, Vector};
 use crate::backends::checks::{check_columns, check_size, definite, immediate_singular_limit};
-use crate::backends::direct::{NotPositiveDefinite, Pivots, Scratch, ldlt_params};
+use crate::backends::direct::{NotPositiveDefinite, Pivots, Scratch, impl_direct_solver, ldlt_params};
 use crate::backends::iterative::{IterativeSolver, SimplePreconditioner};
 use crate::backends::local;
 use crate::backends::null_vector::checked_report;
@@ -260,67 +260,4 @@ fn solve_scratch<T: RealField>(unknowns: usize, columns: usize) -> StackReq {
     ])
 }
 
-/// A scalar type of this backend, `f64` or `f32`, with the operations of [`Solver`] for it.
-///
-/// Each type implements them separately, so that this crate compiles the factorizations, with those of faer. Functions
-/// that are generic in the scalar would be compiled again in every crate that calls them.
-pub trait DenseScalar: Scalar + RealField {
-    /// Creates a solver.
-    fn solver(symbolic: &Arc<Symbolic>) -> Result<Solver<Self>, Failure>;
-
-    /// See [`crate::las::Solver::factor`].
-    fn factor(solver: &mut Solver<Self>, a: &Matrix<Self>) -> Result<FactorReport, Failure>;
-
-    /// See [`crate::las::Solver::factor_definite`].
-    fn factor_definite(solver: &mut Solver<Self>, a: &Matrix<Self>) -> Result<FactorReport, Failure>;
-
-    /// See [`crate::las::Solver::solve_many`].
-    fn solve_many(
-        solver: &mut Solver<Self>,
-        b: &[Vector<Self>],
-        x: &mut [Vector<Self>],
-    ) -> Result<SolveReport, Failure>;
-}
-
-macro_rules! impl_scalar {
-    ($scalar:ty) => {
-        impl DenseScalar for $scalar {
-            fn solver(symbolic: &Arc<Symbolic>) -> Result<Solver<Self>, Failure> {
-                Solver::new(symbolic)
-            }
-
-            fn factor(solver: &mut Solver<Self>, a: &Matrix<Self>) -> Result<FactorReport, Failure> {
-                solver.factor_any(a)
-            }
-
-            fn factor_definite(solver: &mut Solver<Self>, a: &Matrix<Self>) -> Result<FactorReport, Failure> {
-                solver.factor_only_definite(a)
-            }
-
-            fn solve_many(
-                solver: &mut Solver<Self>,
-                b: &[Vector<Self>],
-                x: &mut [Vector<Self>],
-            ) -> Result<SolveReport, Failure> {
-                solver.solve_columns(b, x)
-            }
-        }
-    };
-}
-
-impl_scalar!(f64);
-impl_scalar!(f32);
-
-impl<T: DenseScalar> crate::las::Solver<Dense<T>> for Solver<T> {
-    fn factor(&mut self, a: &Matrix<T>) -> Result<FactorReport, Failure> {
-        T::factor(self, a)
-    }
-
-    fn factor_definite(&mut self, a: &Matrix<T>) -> Result<FactorReport, Failure> {
-        T::factor_definite(self, a)
-    }
-
-    fn solve_many(&mut self, b: &[Vector<T>], x: &mut [Vector<T>]) -> Result<SolveReport, Failure> {
-        T::solve_many(self, b, x)
-    }
-}
+impl_direct_solver!(DenseScalar: Scalar + RealField, Dense);

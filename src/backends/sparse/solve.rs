@@ -12,7 +12,7 @@ use super::ilut::preconditioner;
 use super::lu::Lu;
 use super::{Failure, Matrix, Sparse, Symbolic, Vector};
 use crate::backends::checks::{check_columns, check_pattern, definite, immediate_singular_limit, singular_limit};
-use crate::backends::direct::{NotPositiveDefinite, Pivots, Scratch};
+use crate::backends::direct::{NotPositiveDefinite, Pivots, Scratch, impl_direct_solver};
 use crate::backends::iterative::IterativeSolver;
 use crate::backends::local;
 use crate::backends::null_vector::{check_near_singular, checked_report};
@@ -330,70 +330,7 @@ fn spread<T: Copy>(columns: &[T], x: &mut [Vector<T>], order: &[u32]) {
     }
 }
 
-/// A scalar type of this backend, `f64` or `f32`, with the operations of [`Solver`] for it.
-///
-/// Each type implements them separately, so that this crate compiles the factorizations, with those of faer. Functions
-/// that are generic in the scalar would be compiled again in every crate that calls them.
-pub trait SparseScalar: BlockScalar {
-    /// Creates a solver.
-    fn solver(symbolic: &Arc<Symbolic>) -> Result<Solver<Self>, Failure>;
-
-    /// See [`crate::las::Solver::factor`].
-    fn factor(solver: &mut Solver<Self>, a: &Matrix<Self>) -> Result<FactorReport, Failure>;
-
-    /// See [`crate::las::Solver::factor_definite`].
-    fn factor_definite(solver: &mut Solver<Self>, a: &Matrix<Self>) -> Result<FactorReport, Failure>;
-
-    /// See [`crate::las::Solver::solve_many`].
-    fn solve_many(
-        solver: &mut Solver<Self>,
-        b: &[Vector<Self>],
-        x: &mut [Vector<Self>],
-    ) -> Result<SolveReport, Failure>;
-}
-
-macro_rules! impl_scalar {
-    ($scalar:ty) => {
-        impl SparseScalar for $scalar {
-            fn solver(symbolic: &Arc<Symbolic>) -> Result<Solver<Self>, Failure> {
-                Solver::new(symbolic)
-            }
-
-            fn factor(solver: &mut Solver<Self>, a: &Matrix<Self>) -> Result<FactorReport, Failure> {
-                solver.factor_any(a)
-            }
-
-            fn factor_definite(solver: &mut Solver<Self>, a: &Matrix<Self>) -> Result<FactorReport, Failure> {
-                solver.factor_only_definite(a)
-            }
-
-            fn solve_many(
-                solver: &mut Solver<Self>,
-                b: &[Vector<Self>],
-                x: &mut [Vector<Self>],
-            ) -> Result<SolveReport, Failure> {
-                solver.solve_columns(b, x)
-            }
-        }
-    };
-}
-
-impl_scalar!(f64);
-impl_scalar!(f32);
-
-impl<T: SparseScalar> crate::las::Solver<Sparse<T>> for Solver<T> {
-    fn factor(&mut self, a: &Matrix<T>) -> Result<FactorReport, Failure> {
-        T::factor(self, a)
-    }
-
-    fn factor_definite(&mut self, a: &Matrix<T>) -> Result<FactorReport, Failure> {
-        T::factor_definite(self, a)
-    }
-
-    fn solve_many(&mut self, b: &[Vector<T>], x: &mut [Vector<T>]) -> Result<SolveReport, Failure> {
-        T::solve_many(self, b, x)
-    }
-}
+impl_direct_solver!(SparseScalar: BlockScalar, Sparse);
 
 #[cfg(test)]
 mod tests {
