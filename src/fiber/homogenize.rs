@@ -3,10 +3,10 @@
 //! Two steps lead from the stiffness `K = dT/dx` of all nodes to the tangent `A = dP/dF` of the macro scale (C. Miehe
 //! and A. Koch, *Computational micro-to-macro transitions of discretized microstructures undergoing small strains*,
 //! Archive of Applied Mechanics 72 (2002) 300-317). `i` denotes the interior nodes, `b` those on the boundary, `v` the
-//! velocities (the sensitivities of the node positions to a strain) and `q = K v` the force rates.
+//! sensitivities of the node positions to a strain, and `q = K v` the sensitivities of the nodal forces.
 //!
-//! 1. *Static condensation* of the interior (Guyan 1965). In equilibrium, `T_i = 0` at every strain, so the force rates
-//!    of the interior vanish:
+//! 1. *Static condensation* of the interior (Guyan 1965). In equilibrium, `T_i = 0` at every strain, so the sensitivities
+//!    of the interior forces vanish:
 //!
 //!    ```text
 //!    [ K_ii  K_ib ] [ v_i ]   [  0  ]          v_i = -K_ii^-1 K_ib v_b
@@ -27,10 +27,10 @@
 //!    The last product runs over all nodes, to which the interior contributes nothing because `q_i = 0`. It is
 //!    stationary in `v_i`, so an error of the solve enters squared.
 //!
-//! Nine rates `dF = D F` span all `dF`. For the six symmetric unit rates `D = S_k`, the *strain modes*, the boundary
+//! Nine increments `dF = D F` span all `dF`. For the six symmetric unit increments `D = S_k`, the *strain modes*, the boundary
 //! moves with `v_b = S_k x_b`; they need the solves of step 1. For the three skew ones, `D = W`, the network rotates
 //! rigidly: `P(R F) = R P(F)` gives `A : (W F) = W P` without a solve. The matrix `C` of the coefficients of `dF F^-1`
-//! in these nine rates transforms the form `D_k F : A : D_l F` to the components of `A`, `C^T form C`.
+//! in these nine unit increments transforms the form `D_k F : A : D_l F` to the components of `A`, `C^T form C`.
 //!
 //! The public interface is [`EquilibriumState`](super::equilibrium::EquilibriumState), which
 //! [`super::equilibrium::equilibrate`] returns; the functions here read the workspace that it borrows.
@@ -67,10 +67,10 @@ pub(super) fn tangent<B: RealBackend>(
     workspace: &Workspace<B>,
 ) -> Result<Tangent, RveError<B::Error>> {
     let mut form = Tangent::zeros();
-    // The six columns of the strains follow from the force rates, the three columns of the spins from the stress. The
+    // The six columns of the strains follow from the force sensitivities, the three columns of the spins from the stress. The
     // two mixed blocks are not assumed to be transposes of each other: they are to the accuracy of the balance of
     // forces and moments.
-    form.fixed_view_mut::<9, MODES>(0, 0).copy_from(&(rate_products(workspace) * model.scale()));
+    form.fixed_view_mut::<9, MODES>(0, 0).copy_from(&(sensitivity_products(workspace) * model.scale()));
     for w in 0..3 {
         let turned_stress = spin(w) * pk1;
         for k in 0..MODES {
@@ -80,11 +80,11 @@ pub(super) fn tangent<B: RealBackend>(
             form[(MODES + v, MODES + w)] = (spin(v) * f).dot(&turned_stress);
         }
     }
-    let coefficients = rate_coefficients(f).ok_or(RveError::Inverted(f.determinant()))?;
+    let coefficients = increment_coefficients(f).ok_or(RveError::Inverted(f.determinant()))?;
     Ok(coefficients.transpose() * form * coefficients)
 }
 
-/// The `k`-th symmetric unit rate, in Voigt order 11, 22, 33, 23, 13, 12.
+/// The `k`-th symmetric unit increment `S_k`, in Voigt order 11, 22, 33, 23, 13, 12.
 pub(super) fn strain(k: usize) -> Matrix3<f64> {
     const PAIRS: [(usize, usize); MODES] = [(0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)];
     let (i, j) = PAIRS[k];
@@ -94,7 +94,7 @@ pub(super) fn strain(k: usize) -> Matrix3<f64> {
     s
 }
 
-/// The `w`-th skew unit rate: the rotation about axis `w`.
+/// The `w`-th skew unit increment: the rotation about axis `w`.
 fn spin(w: usize) -> Matrix3<f64> {
     let (i, j) = [(2, 1), (0, 2), (1, 0)][w];
     let mut s = Matrix3::zeros();
@@ -103,38 +103,38 @@ fn spin(w: usize) -> Matrix3<f64> {
     s
 }
 
-/// Column `3 i + J` holds the coefficients of `dF F^-1` in the nine unit rates for `dF = e_i (x) e_J`.
-fn rate_coefficients(f: &Matrix3<f64>) -> Option<Tangent> {
+/// Column `3 i + J` holds the coefficients of `dF F^-1` in the nine unit increments for `dF = e_i (x) e_J`.
+fn increment_coefficients(f: &Matrix3<f64>) -> Option<Tangent> {
     let inverse = f.try_inverse()?;
     let mut coefficients = Tangent::zeros();
     for i in 0..3 {
         for j in 0..3 {
-            let mut rate = Matrix3::zeros();
-            rate.set_row(i, &inverse.row(j));
+            let mut increment = Matrix3::zeros();
+            increment.set_row(i, &inverse.row(j));
             let mut column = coefficients.column_mut(3 * i + j);
             for k in 0..3 {
-                column[k] = rate[(k, k)];
+                column[k] = increment[(k, k)];
             }
             for (k, (p, q)) in [(1, 2), (0, 2), (0, 1)].into_iter().enumerate() {
-                column[3 + k] = 0.5 * (rate[(p, q)] + rate[(q, p)]);
+                column[3 + k] = 0.5 * (increment[(p, q)] + increment[(q, p)]);
             }
             for (w, (p, q)) in [(2, 1), (0, 2), (1, 0)].into_iter().enumerate() {
-                column[6 + w] = 0.5 * (rate[(p, q)] - rate[(q, p)]);
+                column[6 + w] = 0.5 * (increment[(p, q)] - increment[(q, p)]);
             }
         }
     }
     Some(coefficients)
 }
 
-/// Computes, for every mode, the velocities of all nodes for which the force rates at interior nodes vanish.
+/// Computes, for every mode, the sensitivities of all nodes for which those of the interior forces vanish.
 pub(super) fn solve_modes<B: RealBackend>(model: &RveModel<B>, workspace: &mut Workspace<B>) -> Solved<B> {
-    /// Tolerance of the interior force rates, relative to those at all nodes: they enter the tangent squared.
+    /// Tolerance of the interior force sensitivities, relative to those at all nodes: they enter the tangent squared.
     const TOLERANCE: f64 = 1e-8;
-    /// Interior force rates that are accepted if the matrix is singular to working precision.
+    /// Interior force sensitivities that are accepted if the matrix is singular to working precision.
     const SINGULAR_TOLERANCE: f64 = 1e-4;
 
-    set_affine_velocities(workspace);
-    force_rates(model, workspace);
+    set_affine_sensitivities(workspace);
+    force_sensitivities(model, workspace);
     if model.unknowns() == 0 {
         return Ok(());
     }
@@ -154,20 +154,20 @@ pub(super) fn solve_modes<B: RealBackend>(model: &RveModel<B>, workspace: &mut W
                 Factor::Shifted => return Err(SolveError::Inaccurate { residual: imbalance }),
             };
             // The inaccurate factor may have added large motions in the (nearly) null space.
-            set_affine_velocities(workspace);
-            force_rates(model, workspace);
+            set_affine_sensitivities(workspace);
+            force_sensitivities(model, workspace);
             before = f64::INFINITY;
         }
         correct_modes(model, workspace)?;
-        force_rates(model, workspace);
+        force_sensitivities(model, workspace);
     }
 }
 
 /// Sets `v = S x` for all nodes and modes.
-fn set_affine_velocities<B: Backend>(workspace: &mut Workspace<B>) {
+fn set_affine_sensitivities<B: Backend>(workspace: &mut Workspace<B>) {
     let strains: [Matrix3<f64>; MODES] = std::array::from_fn(strain);
-    for (velocity, x) in workspace.sensitivities.iter_mut().zip(&workspace.positions) {
-        for (v, s) in velocity.chunks_exact_mut(3).zip(&strains) {
+    for (sensitivities, x) in workspace.sensitivities.iter_mut().zip(&workspace.positions) {
+        for (v, s) in sensitivities.chunks_exact_mut(3).zip(&strains) {
             v.copy_from_slice(&transform(s, x));
         }
     }
@@ -183,7 +183,7 @@ enum Factor {
 }
 
 impl Factor {
-    /// Largest accepted ratio of the interior force rates after and before a correction; a larger ratio means that
+    /// Largest accepted ratio of the interior force sensitivities after and before a correction; a larger ratio means that
     /// the factor is too inaccurate.
     fn max_reduction_ratio(self) -> f64 {
         match self {
@@ -226,43 +226,43 @@ fn factor_here<B: RealBackend>(model: &RveModel<B>, workspace: &mut Workspace<B>
 }
 
 /// Computes `q = K v` at all nodes, fiber by fiber.
-fn force_rates<B: RealBackend>(model: &RveModel<B>, workspace: &mut Workspace<B>) {
-    let Workspace { states, sensitivities, force_rates, .. } = workspace;
-    force_rates.fill([0.0; 3 * MODES]);
+fn force_sensitivities<B: RealBackend>(model: &RveModel<B>, workspace: &mut Workspace<B>) {
+    let Workspace { states, sensitivities, force_sensitivities, .. } = workspace;
+    force_sensitivities.fill([0.0; 3 * MODES]);
     for (fiber, &[a, b]) in model.truss.ends().iter().enumerate() {
         let (va, vb) = (&sensitivities[a as usize], &sensitivities[b as usize]);
         let block = states.block(fiber);
-        let mut rate = [0.0; 3 * MODES];
+        let mut force = [0.0; 3 * MODES];
         for mode in 0..MODES {
             let at = 3 * mode;
             let v = [vb[at] - va[at], vb[at + 1] - va[at + 1], vb[at + 2] - va[at + 2]];
             for i in 0..3 {
-                rate[at + i] = block[3 * i] * v[0] + block[3 * i + 1] * v[1] + block[3 * i + 2] * v[2];
+                force[at + i] = block[3 * i] * v[0] + block[3 * i + 1] * v[1] + block[3 * i + 2] * v[2];
             }
         }
-        force_rates[b as usize].iter_mut().zip(&rate).for_each(|(q, r)| *q += r);
-        force_rates[a as usize].iter_mut().zip(&rate).for_each(|(q, r)| *q -= r);
+        force_sensitivities[b as usize].iter_mut().zip(&force).for_each(|(q, f)| *q += f);
+        force_sensitivities[a as usize].iter_mut().zip(&force).for_each(|(q, f)| *q -= f);
     }
 }
 
-/// The norm of the force rates at interior nodes over that at all nodes.
+/// The norm of the force sensitivities at interior nodes over that at all nodes.
 fn relative_imbalance<B: RealBackend>(model: &RveModel<B>, workspace: &Workspace<B>) -> f64 {
-    let square = |rates: &[f64; 3 * MODES]| rates.iter().map(|q| q * q).sum::<f64>();
-    let all: f64 = workspace.force_rates.iter().map(square).sum();
+    let square = |node: &[f64; 3 * MODES]| node.iter().map(|q| q * q).sum::<f64>();
+    let all: f64 = workspace.force_sensitivities.iter().map(square).sum();
     let interior: f64 =
-        model.network().interior().iter().map(|&node| square(&workspace.force_rates[node as usize])).sum();
+        model.network().interior().iter().map(|&node| square(&workspace.force_sensitivities[node as usize])).sum();
     if all > 0.0 { (interior / all).sqrt() } else { 0.0 }
 }
 
 /// Applies `v_i -= K_ii^-1 q_i`, all modes in one solve.
 fn correct_modes<B: RealBackend>(model: &RveModel<B>, workspace: &mut Workspace<B>) -> Solved<B> {
     let interior = model.network().interior();
-    let Workspace { system, mode_loads, mode_solutions, sensitivities, force_rates, .. } = workspace;
+    let Workspace { system, mode_loads, mode_solutions, sensitivities, force_sensitivities, .. } = workspace;
     for (mode, load) in mode_loads.iter_mut().enumerate() {
         let at = 3 * mode;
         load.with_local_mut(|load| {
             for (q, &node) in load.chunks_exact_mut(3).zip(interior) {
-                q.copy_from_slice(&force_rates[node as usize][at..at + 3]);
+                q.copy_from_slice(&force_sensitivities[node as usize][at..at + 3]);
             }
         })?;
         load.finish()?;
@@ -282,14 +282,14 @@ fn correct_modes<B: RealBackend>(model: &RveModel<B>, workspace: &mut Workspace<
 
 /// Column `l`: the products, over all nodes, of `K v_l` with the sensitivities `v_k` of the six strains and with `W x`
 /// of the three spins, computed in one pass.
-fn rate_products<B: Backend>(workspace: &Workspace<B>) -> SMatrix<f64, 9, MODES> {
+fn sensitivity_products<B: Backend>(workspace: &Workspace<B>) -> SMatrix<f64, 9, MODES> {
     let spins: [Matrix3<f64>; 3] = std::array::from_fn(spin);
     let mut products = [[0.0; MODES]; 9];
-    for ((v, q), x) in workspace.sensitivities.iter().zip(&workspace.force_rates).zip(&workspace.positions) {
+    for ((v, q), x) in workspace.sensitivities.iter().zip(&workspace.force_sensitivities).zip(&workspace.positions) {
         let mut sensitivities = [0.0; 3 * 9];
         sensitivities[..3 * MODES].copy_from_slice(v);
-        for (velocity, spin) in sensitivities[3 * MODES..].chunks_exact_mut(3).zip(&spins) {
-            velocity.copy_from_slice(&transform(spin, x));
+        for (sensitivity, spin) in sensitivities[3 * MODES..].chunks_exact_mut(3).zip(&spins) {
+            sensitivity.copy_from_slice(&transform(spin, x));
         }
         for (row, v) in products.iter_mut().zip(sensitivities.chunks_exact(3)) {
             for (product, q) in row.iter_mut().zip(q.chunks_exact(3)) {

@@ -306,11 +306,11 @@ impl Rve {
         sensitivities.clear();
         sensitivities.extend(model.truss.network().interior().iter().zip(&self.interior).map(|(&node, x)| {
             let mut sensitivities = Sensitivities::default();
-            let velocity = &workspace.sensitivities[node as usize];
+            let full = &workspace.sensitivities[node as usize];
             for (mode, s) in strains.iter().enumerate() {
                 let affine = transform(s, x);
                 for i in 0..3 {
-                    sensitivities[3 * mode + i] = (velocity[3 * mode + i] - affine[i]) as f32;
+                    sensitivities[3 * mode + i] = (full[3 * mode + i] - affine[i]) as f32;
                 }
             }
             sensitivities

@@ -32,9 +32,9 @@ pub struct Workspace<B: Backend> {
     /// Right-hand sides and solutions of the tangent, one per mode.
     pub(super) mode_loads: Vec<B::Vector>,
     pub(super) mode_solutions: Vec<B::Vector>,
-    /// Sensitivities of the positions of all nodes in every mode, and the resulting force rates.
+    /// Sensitivities of the positions of all nodes in every mode, and those of the nodal forces.
     pub(super) sensitivities: Vec<[f64; 3 * MODES]>,
-    pub(super) force_rates: Vec<[f64; 3 * MODES]>,
+    pub(super) force_sensitivities: Vec<[f64; 3 * MODES]>,
 }
 
 impl<B: RealBackend> Workspace<B> {
@@ -58,7 +58,7 @@ impl<B: RealBackend> Workspace<B> {
             mode_loads: vectors()?,
             mode_solutions: vectors()?,
             sensitivities: vec![[0.0; 3 * MODES]; nodes],
-            force_rates: vec![[0.0; 3 * MODES]; nodes],
+            force_sensitivities: vec![[0.0; 3 * MODES]; nodes],
         })
     }
 
@@ -109,7 +109,7 @@ impl<B: RealBackend> Workspace<B> {
     }
 
     /// Adds the first-order prediction to an affine motion by `F = R U`: `R sum_k (U - I)_k v_k`, with `v_k` the
-    /// non-affine part of the velocity.
+    /// non-affine part of the sensitivities.
     fn predict(&mut self, model: &RveModel<B>, increment: &Matrix3<f64>, sensitivities: &[Sensitivities]) {
         let Some((stretch, rotation)) = polar_decomposition(*increment) else { return };
         let rotation = rotation.to_rotation_matrix();

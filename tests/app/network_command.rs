@@ -93,7 +93,7 @@ fn failures_have_a_message_and_an_exit_code() {
             2,
             "error: no network can be generated: the direction",
         ),
-        ("generate --points 9 --align 1_0 --strength 0.5 -o x.txt", 2, "error: --align \"1 0\""),
+        ("generate --points 9 --align 1_0 --strength 0.5 -o x.txt", 2, "error: invalid --align \"1 0\""),
         (
             "generate --points 9 --align 1_0_0 --strength 1 -o x.txt",
             2,
@@ -107,11 +107,11 @@ fn failures_have_a_message_and_an_exit_code() {
         ("generate --points 9 --merge 1 -o x.txt", 2, "error: no network can be generated: the merge length is 1 "),
         ("generate --points 9 --shorter-than 0 -o x.txt", 2, "error: --shorter-than is 0"),
         ("check broken.txt broken.txt --clean -o x.txt", 2, "error: --clean with 2 network files"),
-        ("draw broken.txt -o x.txt", 2, "error: --output x.txt"),
+        ("draw broken.txt -o x.txt", 2, "error: invalid --output x.txt"),
         ("draw broken.txt -o x.svg", 2, "error: broken.txt:4: there is no node 2"),
         ("draw broken.txt -o x.svg --color stretch", 2, "error: --color stretch of a network at rest"),
-        ("draw broken.txt -o x.svg --width 3", 2, "error: --width 3"),
-        ("draw broken.txt -o x.svg --steps 0 --F 1_0_0_0_1_0_0_0_1", 2, "error: --steps 0"),
+        ("draw broken.txt -o x.svg --width 3", 2, "error: invalid --width 3"),
+        ("draw broken.txt -o x.svg --steps 0 --F 1_0_0_0_1_0_0_0_1", 2, "error: invalid --steps 0"),
         ("draw broken.txt -o x.svg --steps 2", 2, "error: the following required arguments were not provided"),
         (
             "draw broken.txt -o x.svg --law linear --youngs-modulus 1 --radius 1",

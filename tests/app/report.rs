@@ -91,8 +91,8 @@ fn the_page_is_complete_and_self_contained() {
     let html = page::page(dir.path(), &PictureOptions::default()).unwrap();
     for words in [
         "<h1>Dogbone in tension</h1>",
-        "Converged: 10 load increments in 2\u{a0}min 07\u{a0}s",
-        "Macro-scale body extension and Newton iterations per load increment",
+        "Converged: 10 load steps in 2\u{a0}min 07\u{a0}s",
+        "Macro-scale body extension and Newton iterations per load step",
         "Force on the body through each loaded surface against its extension",
         "Wall time by phase",
         "Micro-scale Newton iterations",
@@ -127,7 +127,7 @@ fn missing_parts_are_left_out() {
     let first = log.lines().next().unwrap();
     fs::write(dir.path().join("log.jsonl"), format!("{first}\n")).unwrap();
     let html = page::page(dir.path(), &PictureOptions::default()).unwrap();
-    assert!(html.contains("0 load increments so far") && !html.contains("<table>"));
+    assert!(html.contains("0 load steps so far") && !html.contains("<table>"));
 }
 
 #[test]

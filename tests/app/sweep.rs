@@ -56,7 +56,7 @@ fn after_a_failure(threads: usize) -> (PointResponses, String) {
 fn a_sweep_ends_at_the_first_failing_rve_on_any_number_of_threads() {
     let (alone, error) = after_a_failure(1);
     assert!(error.starts_with("element 3 (network frozen"), "{error}");
-    assert!(error.contains("the forces of the fibers overflow: at stretch ") && error.contains("units"), "{error}");
+    assert!(error.contains("the fiber forces are excessive: at stretch ") && error.contains("units"), "{error}");
     for threads in [2, 4] {
         assert_eq!(after_a_failure(threads), (alone.clone(), error.clone()), "{threads} threads");
     }

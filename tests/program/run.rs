@@ -332,9 +332,9 @@ fn files_and_counts_of_a_case_must_be_valid() {
 fn invalid_options_are_rejected_before_files_are_read() {
     let folder = tempfile::tempdir().unwrap();
     for (options, message) in [
-        ("--threads 0", "error: --threads 0\n"),
-        ("--threads 100000", "error: --threads 100000\n"),
-        ("--ranks 0", "error: --ranks 0\n"),
+        ("--threads 0", "error: invalid --threads 0\n"),
+        ("--threads 100000", "error: invalid --threads 100000\n"),
+        ("--ranks 0", "error: invalid --ranks 0\n"),
         ("--ranks 100000", "error: 100000 ranks\n"),
         ("--backend petsk", "error: --backend petsk: there is no backend `petsk`"),
     ] {

@@ -169,15 +169,15 @@ fn invalid_arguments_are_reported() {
         ("-1 0 0 0 1 0 0 0 1", "", "error: --F has determinant -1\n"),
         ("0 0 0 0 1 0 0 0 1", "", "error: --F has determinant 0\n"),
         ("1e200 0 0 0 1e200 0 0 0 1", "", "error: --F has determinant inf\n"),
-        ("1 0 0 0 1 0 0 0", "", "error: --F \"1 0 0 0 1 0 0 0\"\n"),
-        ("1 0 0 0 1 0 0 0 nan", "", "error: --F \"1 0 0 0 1 0 0 0 nan\"\n"),
-        ("", "", "error: --F \"\"\n"),
-        (REST, "--scale -0.003", "error: --scale -0.003\n"),
-        (REST, "--scale 1", "error: --scale 1\n"),
-        (REST, "--scale rae", "error: --scale rae\n"),
-        (REST, "--steps 0", "error: --steps 0\n"),
-        (REST, "--tolerance -1e-3", "error: --tolerance -0.001\n"),
-        (REST, "--tolerance nan", "error: --tolerance NaN\n"),
+        ("1 0 0 0 1 0 0 0", "", "error: invalid --F \"1 0 0 0 1 0 0 0\"\n"),
+        ("1 0 0 0 1 0 0 0 nan", "", "error: invalid --F \"1 0 0 0 1 0 0 0 nan\"\n"),
+        ("", "", "error: invalid --F \"\"\n"),
+        (REST, "--scale -0.003", "error: invalid --scale -0.003\n"),
+        (REST, "--scale 1", "error: invalid --scale 1\n"),
+        (REST, "--scale rae", "error: invalid --scale rae\n"),
+        (REST, "--steps 0", "error: invalid --steps 0\n"),
+        (REST, "--tolerance -1e-3", "error: invalid --tolerance -0.001\n"),
+        (REST, "--tolerance nan", "error: invalid --tolerance NaN\n"),
         (REST, "--backend petsk", "error: --backend petsk: there is no backend `petsk`"),
         (
             REST,
@@ -215,7 +215,7 @@ fn invalid_networks_are_reported_with_file_and_line() {
         ("letters.txt", "error: letters.txt:2: "),
         ("absent.txt", "error: absent.txt: cannot be read: "),
         (".", "error: .: cannot be read: "),
-        ("chain.txt", "error: chain.txt: the network chain.txt has no fiber materials"),
+        ("chain.txt", "error: the network chain.txt has no fiber materials"),
     ] {
         let failed = of(folder.path(), network, REST, "");
         assert!(failed.failed(2).starts_with(message), "{network}: {}", failed.stderr);
@@ -351,7 +351,7 @@ fn an_excessive_deformation_is_reported() {
     for gradient in ["100 0 0 0 100 0 0 0 1", "1e55 0 0 0 1e55 0 0 0 1e55", "1e60 0 0 0 1e60 0 0 0 1e60"] {
         let failed = rve(gradient, law);
         let block = failed.failed(3);
-        assert!(block.contains("the forces of the fibers overflow: at stretch "), "{block}");
+        assert!(block.contains("the fiber forces are excessive: at stretch "), "{block}");
         assert!(block.contains("units") && block.contains("--steps"), "{block}");
     }
     // The squares of the tangent's entries overflow.

@@ -132,6 +132,6 @@ fn an_excessive_displacement_gives_a_hint_on_units() {
     let replacements = [("CELLS", "[2, 1, 1]"), ("MATRIX", "1000.0"), ("MOVED", "200.0"), ("LIFE", "")];
     let text = replacements.iter().fold(BOX.to_owned(), |text, (from, to)| text.replace(from, to));
     let pulled = run(folder.path(), &format!("{text}\n[steps]\ncount = 10\n"), "--out out");
-    assert!(pulled.failed(3).contains("the forces of the fibers overflow"), "{}", pulled.stderr);
+    assert!(pulled.failed(3).contains("the fiber forces are excessive"), "{}", pulled.stderr);
     assert!(pulled.stderr.contains("are both in m?"), "{}", pulled.stderr);
 }

@@ -60,7 +60,7 @@
 //! tolerance = 1e-10
 //! max_iterations = 50
 //! max_cuts = 6
-//! stages = ["newton", "regularised", "cuts", "relaxation"]   # tried in this order, whatever the order here
+//! stages = ["newton", "regularized", "cuts", "relaxation"]   # tried in this order, whatever the order here
 //! solver = { method = "direct" }           # or an iterative one (below)
 //! predictor = true                         # start from the prediction of the last tangent; 72 bytes per interior node
 //!

@@ -125,15 +125,15 @@ pub(super) fn micro(root: &mut Table<'_>) -> RveParams {
 
 /// Reads the list of solution stages, which must not be empty.
 fn stages(value: &Value<'_>) -> Option<Stages> {
-    let words = Stage::ALL.map(|stage| (stage.name(), stage));
-    let expected = format!("a list of stages: {}", alternatives(Stage::ALL.map(Stage::name).into_iter(), '"'));
+    let names = Stage::ALL.map(Stage::name);
+    let expected = format!("a list of stages: {}", alternatives(names, '"'));
     let form = "such as [\"newton\", \"cuts\"]";
     let elements = value.list(&expected, form)?;
     if elements.is_empty() {
         value.report_invalid(&*expected, "name at least one, or leave `stages` out for all of them");
         return None;
     }
-    let stages: Vec<Option<Stage>> = elements.iter().map(|element| element.choice(&words)).collect();
+    let stages: Vec<Option<Stage>> = elements.iter().map(|element| element.named(&names, Stage::named)).collect();
     Some(Stages::of(&stages.into_iter().collect::<Option<Vec<Stage>>>()?))
 }
 

@@ -118,17 +118,22 @@ impl<'d> Value<'d> {
     /// Reads one of the given keywords.
     pub(super) fn choice<T: Copy>(&self, words: &[(&'static str, T)]) -> Option<T> {
         let names: Vec<&str> = words.iter().map(|&(name, _)| name).collect();
+        self.named(&names, |text| words.iter().find(|(name, _)| *name == text).map(|&(_, meaning)| meaning))
+    }
+
+    /// Reads a keyword that `meaning` knows; messages list `names`.
+    pub(super) fn named<T>(&self, names: &[&str], meaning: impl Fn(&str) -> Option<T>) -> Option<T> {
         let expected = alternatives(names.iter().copied(), '"');
         let DeValue::String(text) = self.inner else {
             self.report_invalid(
                 &*expected,
-                if words.len() == 1 { "write this, in quotes" } else { "write one of these, in quotes" },
+                if names.len() == 1 { "write this, in quotes" } else { "write one of these, in quotes" },
             );
             return None;
         };
-        let found = words.iter().find(|(name, _)| name == text).map(|&(_, meaning)| meaning);
+        let found = meaning(text);
         if found.is_none() {
-            self.report_invalid(&*expected, did_you_mean(text, &names));
+            self.report_invalid(&*expected, did_you_mean(text, names));
         }
         found
     }

@@ -5,6 +5,7 @@ use std::path::Path;
 use biotissue::fiber::deformation_path::between;
 use biotissue::fiber::equilibrium::{EquilibriumParams, EquilibriumReport, RveError, equilibrate};
 use biotissue::fiber::rve::{Rve, RveModel, RveModelError};
+use biotissue::fiber::truss::TrussError;
 use biotissue::fiber::workspace::Workspace;
 
 use nalgebra::Matrix3;
@@ -22,15 +23,17 @@ pub fn check_steps(steps: usize) -> Result<(), Failure> {
         return Ok(());
     }
     let expected = format!("between 1 and {MAX_STEPS} increments");
-    Err(Failure::arguments(format!("--steps {steps}"), expected, "leave --steps out for one"))
+    Err(Failure::arguments(format!("invalid --steps {steps}"), expected, "leave --steps out for one"))
 }
 
 /// Returns the failure for a network whose model cannot be built, usually because its fibers have no material.
 pub fn unusable<F: std::error::Error + 'static>(place: &str, error: &RveModelError<F>) -> Failure {
-    let what = format!("{place}: {error}");
-    if matches!(error, RveModelError::Analysis(_)) {
-        return Failure::library(what);
-    }
+    let what = match error {
+        RveModelError::Analysis(_) => return Failure::library(format!("{place}: {error}")),
+        // Its message names the network.
+        RveModelError::Truss(TrussError::NoMaterial(_)) => error.to_string(),
+        _ => format!("{place}: {error}"),
+    };
     let cure = format!("give --law with its parameters, or put {place}.toml with a [law] or {place}.params beside it");
     Failure::arguments(what, "a network whose fibers have a law, a radius and a modulus", cure)
 }
@@ -135,7 +138,7 @@ impl Increments<'_> {
         let restricted = self.params.stages != EquilibriumParams::default().stages;
         let advice = match self.replayed {
             true if restricted => {
-                "leave --stages out, or try all of them: --stages newton,regularised,cuts,relaxation".to_owned()
+                "leave --stages out, or try all of them: --stages newton,regularized,cuts,relaxation".to_owned()
             }
             true => "no stage reaches it: use smaller increments in the run that wrote it".to_owned(),
             false if restricted => {

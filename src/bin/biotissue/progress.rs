@@ -26,7 +26,7 @@ impl Reporter {
     pub fn new(size: &ProblemSize, dir: &Path, completed_steps: usize) -> Self {
         let ProblemSize { elements, unknowns, rves, threads, ranks: [macro_ranks, micro_ranks], .. } = size;
         let workers = match micro_ranks {
-            0 => format!("{threads} threads"),
+            0 => format!("{threads} thread{}", if *threads == 1 { "" } else { "s" }),
             _ => format!("{macro_ranks} + {micro_ranks} ranks"),
         };
         let rves = match size.networks.len() {
@@ -78,8 +78,8 @@ impl Progress for Reporter {
             format!(", RVEs {mean:.1} iterations on average, {most} at most{relaxation}")
         });
         let life = step.rve.as_ref().filter(|_| step.rounds > 0).map_or(String::new(), |rve| {
-            let (waiting, deleted) = (rve.waiting, rve.deleted);
-            format!(", equilibrium restored {} times ({waiting} RVEs wait, {deleted} deleted)", step.rounds)
+            let (waiting, deleted, plural) = (rve.waiting, rve.deleted, if step.rounds == 1 { "" } else { "s" });
+            format!(", equilibrium restored {} time{plural} ({waiting} RVEs waiting, {deleted} deleted)", step.rounds)
         });
         let line = format!(
             "step {}/{} t = {:.4}: {} iterations, residual {residual:.1e}{rves}{life}, {:.1} s",

@@ -70,7 +70,7 @@ pub fn run(command: RunCommand) -> Result<(), Failure> {
     }
     if command.ranks == Some(0) {
         return Err(Failure::arguments(
-            "--ranks 0",
+            "invalid --ranks 0",
             "at least one rank",
             "leave --ranks out, or give a number above 0",
         ));
@@ -116,7 +116,7 @@ impl RunCommand {
         match Duration::try_from_secs_f64(seconds) {
             Ok(time_out) if !time_out.is_zero() => Ok(Some(time_out)),
             _ => Err(Failure::arguments(
-                format!("--time-out {seconds}"),
+                format!("invalid --time-out {seconds}"),
                 "seconds above 0",
                 "leave --time-out out to wait indefinitely",
             )),
@@ -183,7 +183,7 @@ impl Common {
         if !(1..=MAX_THREADS).contains(&count) {
             let expected = format!("a number of threads between 1 and {MAX_THREADS}");
             let cure = "leave --threads out to use all cores";
-            return Err(Failure::arguments(format!("--threads {count}"), expected, cure));
+            return Err(Failure::arguments(format!("invalid --threads {count}"), expected, cure));
         }
         rayon::ThreadPoolBuilder::new().num_threads(count).build_global().map_err(|error| {
             Failure::environment(

@@ -25,10 +25,10 @@
 //!   there; the minimum is the equilibrium. If [`Stage::Regularized`] is not among the stages, no minimization is
 //!   available and the stage fails ([`StageError::Unstable`]).
 //!
-//! If Newton fails for the whole increment and the affine motion, even of half the increment, gives a fiber force that
-//! is not finite or at least [`ExcessiveForce::THRESHOLD`] times the stiffness of the fiber at rest, no further stage
-//! is tried ([`RveError::ExcessiveForce`]): the other stages start from the same state, and the caller has to choose a
-//! smaller increment.
+//! A fiber force that is not finite or at least [`ExcessiveForce::THRESHOLD`] times the stiffness of the fiber at rest
+//! ends the solve ([`RveError::ExcessiveForce`]) where an equilibrium has it, and where Newton fails for the whole
+//! increment and the affine motion, even of half the increment, has it: the other stages start from the same state, and
+//! the caller has to choose a smaller increment.
 //!
 //! Energy minimization precedes the cuts because it takes a tenth of their iterations: for strongly compressed networks
 //! where plain Newton fails, its smaller increments mostly fail too. [`RveError::NotConverged`] lists the failure of
@@ -60,8 +60,8 @@ use problem::Interior;
 /// dropped.
 ///
 /// # Errors
-/// Returns [`RveError`] if `det F <= 0`, if `rve` or the workspace belongs to another model, if fiber forces overflow,
-/// or if no stage reaches an equilibrium; `rve` is then unchanged.
+/// Returns [`RveError`] if `det F <= 0`, if `rve` or the workspace belongs to another model, if a fiber force is an
+/// [`ExcessiveForce`], or if no stage reaches an equilibrium; `rve` is then unchanged.
 pub fn equilibrate<'a, B: RealBackend>(
     model: &'a RveModel<B>,
     rve: &'a mut Rve,
@@ -91,9 +91,21 @@ fn find<B: RealBackend>(
 ) -> Result<EquilibriumReport, RveError<B::Error>> {
     let report = EquilibriumReport { predicted: usize::from(rve.has_sensitivities()), ..EquilibriumReport::default() };
     let may_minimize = params.stages.has(Stage::Regularized);
-    let mut solver = EquilibriumSolver { model, target, params, workspace, report, failures: Vec::new(), may_minimize };
+    let mut solver = EquilibriumSolver {
+        model,
+        target,
+        params,
+        workspace,
+        report,
+        failures: Vec::new(),
+        excessive_force: None,
+        may_minimize,
+    };
     if params.stages.has(Stage::Newton) && solver.try_newton(rve) {
         return Ok(solver.report);
+    }
+    if let Some(force) = solver.excessive_force {
+        return Err(RveError::ExcessiveForce(force));
     }
     // Newton may still succeed from the affine motion where it failed from the prediction.
     let sensitivities = rve.sensitivities.take();
@@ -103,21 +115,20 @@ fn find<B: RealBackend>(
             return Ok(solver.report);
         }
     }
-    if let Some(force) = solver.excessive_force(rve, target) {
-        // The stages that cut the increment may still succeed if half of it does not overflow.
-        let half = DeformationPath::new(&rve.gradient, target).at(0.5);
-        if solver.excessive_force(rve, &half).is_some() {
-            rve.sensitivities = sensitivities;
-            return Err(RveError::ExcessiveForce(force));
-        }
+    if let Some(force) = solver.excessive_force.take().or_else(|| solver.excessive_affine_force(rve)) {
+        rve.sensitivities = sensitivities;
+        return Err(RveError::ExcessiveForce(force));
     }
     let start = rve.clone();
     if solver.try_remaining_stages(rve) {
         return Ok(solver.report);
     }
     *rve = Rve { sensitivities, ..start };
-    let EquilibriumSolver { failures, report, .. } = solver;
-    Err(RveError::NotConverged { failures, report: Box::new(report) })
+    let EquilibriumSolver { failures, report, excessive_force, .. } = solver;
+    Err(match excessive_force {
+        Some(force) => RveError::ExcessiveForce(force),
+        None => RveError::NotConverged { failures, report: Box::new(report) },
+    })
 }
 
 /// The outcome of Newton, plain or regularized.
@@ -134,6 +145,8 @@ struct EquilibriumSolver<'a, B: Backend> {
     workspace: &'a mut Workspace<B>,
     report: EquilibriumReport,
     failures: Vec<StageFailure<B::Error>>,
+    /// The excessive force of an equilibrium that a stage has reached; no further stage is then tried.
+    excessive_force: Option<ExcessiveForce>,
     /// Whether regularized Newton may be used to leave a saddle point.
     may_minimize: bool,
 }
@@ -151,10 +164,17 @@ impl<B: RealBackend> EquilibriumSolver<'_, B> {
         }
     }
 
-    /// Returns the largest fiber force if the affine motion to `target` makes it too large for any stage. If
-    /// half of the increment overflows too, either the increment or a unit of the input is wrong; the later stages
-    /// would only take seconds to fail.
-    fn excessive_force(&mut self, rve: &Rve, target: &Matrix3<f64>) -> Option<ExcessiveForce> {
+    /// Returns the excessive force of the affine motion to the target if half of the increment causes one too: either
+    /// the increment or a unit of the input is then wrong, and the later stages would only take seconds to fail. If
+    /// half of the increment does not, the stages that cut the increment may still succeed.
+    fn excessive_affine_force(&mut self, rve: &Rve) -> Option<ExcessiveForce> {
+        let force = self.affine_force(rve, self.target)?;
+        let half = DeformationPath::new(&rve.gradient, self.target).at(0.5);
+        self.affine_force(rve, &half).is_some().then_some(force)
+    }
+
+    /// Returns the largest fiber force of the affine motion to `target` if it is excessive or not finite.
+    fn affine_force(&mut self, rve: &Rve, target: &Matrix3<f64>) -> Option<ExcessiveForce> {
         self.workspace.set_initial_guess(self.model, rve, target);
         let truss = self.model.truss();
         let Workspace { positions, states, forces, .. } = &mut *self.workspace;
@@ -166,10 +186,10 @@ impl<B: RealBackend> EquilibriumSolver<'_, B> {
 
     /// Tries the stages after the first.
     fn try_remaining_stages(&mut self, rve: &mut Rve) -> bool {
-        let stages = self.params.stages;
-        (stages.has(Stage::Regularized) && self.regularized(rve))
-            || (stages.has(Stage::Cuts) && self.params.max_cuts > 0 && self.solve_by_substepping(rve))
-            || (stages.has(Stage::Relaxation) && self.solve_by_relaxation(rve))
+        let tried = |this: &Self, stage| this.params.stages.has(stage) && this.excessive_force.is_none();
+        (tried(self, Stage::Regularized) && self.regularized(rve))
+            || (tried(self, Stage::Cuts) && self.params.max_cuts > 0 && self.solve_by_substepping(rve))
+            || (tried(self, Stage::Relaxation) && self.solve_by_relaxation(rve))
     }
 
     /// Applies ever smaller increments; `rve` follows the last increment that converged.
@@ -194,7 +214,7 @@ impl<B: RealBackend> EquilibriumSolver<'_, B> {
                     return self.record_success(Stage::Cuts);
                 }
             };
-            if self.report.cuts >= self.params.max_cuts {
+            if self.report.cuts >= self.params.max_cuts || self.excessive_force.is_some() {
                 return self.record_failure(Stage::Cuts, reached, stopped);
             }
         }
@@ -203,7 +223,7 @@ impl<B: RealBackend> EquilibriumSolver<'_, B> {
     /// Solves one increment by Newton and, if that fails, by energy minimization.
     fn solve_substep(&mut self, rve: &mut Rve, target: &Matrix3<f64>) -> Staged<B> {
         match self.increment(rve, target) {
-            Err(_) if self.params.stages.has(Stage::Regularized) => {
+            Err(_) if self.params.stages.has(Stage::Regularized) && self.excessive_force.is_none() => {
                 self.workspace.set_initial_guess(self.model, rve, target);
                 self.descend(rve, target)
             }
@@ -252,7 +272,7 @@ impl<B: RealBackend> EquilibriumSolver<'_, B> {
     fn accept_if_stable(&mut self, rve: &mut Rve, target: &Matrix3<f64>, outcome: NewtonOutcome<B>) -> Staged<B> {
         let newton = self.count(outcome)?;
         let newton = self.stabilize(newton)?;
-        self.store_state(rve, target);
+        self.store_state(rve, target)?;
         Ok(newton)
     }
 
@@ -308,13 +328,21 @@ impl<B: RealBackend> EquilibriumSolver<'_, B> {
         Ok(newton)
     }
 
-    fn store_state(&self, rve: &mut Rve, target: &Matrix3<f64>) {
+    /// Stores the converged state in `rve`, unless a fiber force is excessive.
+    fn store_state(&mut self, rve: &mut Rve, target: &Matrix3<f64>) -> Result<(), StageError<B::Error>> {
+        let fiber = self.model.truss().max_relative_force(&self.workspace.states);
+        if let Some(fiber) = fiber.filter(|fiber| fiber.2 >= ExcessiveForce::THRESHOLD) {
+            let force = ExcessiveForce::of(fiber);
+            self.excessive_force = Some(force.clone());
+            return Err(StageError::ExcessiveForce(force));
+        }
         rve.gradient = *target;
         rve.network = self.model.fingerprint;
         rve.clear_sensitivities();
         for (x, &node) in rve.interior.iter_mut().zip(self.model.network().interior()) {
             *x = self.workspace.positions[node as usize];
         }
+        Ok(())
     }
 
     /// Solves the rest of the increment by dynamic relaxation, and the last digits by the stage of the
@@ -333,7 +361,7 @@ impl<B: RealBackend> EquilibriumSolver<'_, B> {
                 Stage::Newton => self.newton(rve, self.target),
                 _ => self.descend(rve, self.target),
             };
-            if finished.is_ok() {
+            if finished.is_ok() || self.excessive_force.is_some() {
                 return self.record(Stage::Relaxation, finished);
             }
             self.workspace.positions = before;
@@ -345,10 +373,7 @@ impl<B: RealBackend> EquilibriumSolver<'_, B> {
         }
         let RelaxationReport { residual, relative, .. } = self.report.relaxation;
         let alone = NewtonReport { residuals: vec![residual], relative: vec![relative], ..NewtonReport::default() };
-        let outcome = self.stabilize(alone);
-        if outcome.is_ok() {
-            self.store_state(rve, self.target);
-        }
+        let outcome = self.stabilize(alone).and_then(|newton| self.store_state(rve, self.target).map(|()| newton));
         self.record(Stage::Relaxation, outcome)
     }
 

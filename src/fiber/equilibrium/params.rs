@@ -26,13 +26,14 @@ impl Stage {
         match self {
             Self::Newton => "newton",
             Self::Cuts => "cuts",
-            Self::Regularized => "regularised",
+            Self::Regularized => "regularized",
             Self::Relaxation => "relaxation",
         }
     }
 
-    /// Returns the stage with this [`Stage::name`].
+    /// Returns the stage with this [`Stage::name`]; `regularised` is another name of [`Stage::Regularized`].
     pub fn named(name: &str) -> Option<Self> {
+        let name = if name == "regularised" { "regularized" } else { name };
         Self::ALL.into_iter().find(|stage| stage.name() == name)
     }
 }

@@ -94,6 +94,9 @@ pub enum StageError<F: std::error::Error + 'static> {
     /// of the stiffness, if the backend counts them.
     #[error("the equilibrium found is unstable{}", format_negative_pivots(*.0))]
     Unstable(Option<usize>),
+    /// The stage reached an equilibrium with an excessive force.
+    #[error(transparent)]
+    ExcessiveForce(ExcessiveForce),
 }
 
 fn format_negative_pivots(negative_pivots: Option<usize>) -> String {
@@ -147,7 +150,8 @@ pub enum RveError<F: std::error::Error + 'static> {
     /// The state does not belong to the network of the model.
     #[error("the RVE does not belong to this model: {0}")]
     State(#[from] RveStateError),
-    /// The affine motion gives fiber forces so large that an equilibrium cannot be distinguished from rounding.
+    /// The affine motion or an equilibrium found has a fiber force so large that an equilibrium cannot be
+    /// distinguished from rounding.
     #[error(transparent)]
     ExcessiveForce(ExcessiveForce),
     /// The tangent could not be condensed.
@@ -155,11 +159,12 @@ pub enum RveError<F: std::error::Error + 'static> {
     Tangent(#[from] SolveError<F>),
 }
 
-/// A fiber whose force is too large for the solver.
+/// A fiber whose force is too large for the solver. No fiber withstands such a force; it indicates a deformation or a
+/// modulus in a wrong unit.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[error(
-    "the forces of the fibers overflow: at stretch {stretch:.4} the law {law} pulls with {force_ratio:.1e} times the stiffness \
-     of the fiber at rest; check the units of lengths, loads and moduli"
+    "the fiber forces are excessive: at stretch {stretch:.4}, the law {law} pulls with {force_ratio:.1e} times the \
+     stiffness of the fiber at rest; check the units of lengths, loads and moduli"
 )]
 pub struct ExcessiveForce {
     /// The law of the fiber with its parameters.

@@ -4,7 +4,7 @@ use std::fmt;
 
 use nalgebra::Matrix3;
 
-use super::report::{EquilibriumReport, ExcessiveForce, RveError};
+use super::report::{EquilibriumReport, RveError};
 use crate::fiber::homogenize::{self, Tangent};
 use crate::fiber::rve::{Rve, RveModel};
 use crate::fiber::truss::FiberStates;
@@ -68,13 +68,6 @@ impl<'a, B: RealBackend> EquilibriumState<'a, B> {
         self.rve
     }
 
-    /// Returns the fiber with the largest relative force if that is an [`ExcessiveForce`]. No fiber withstands such a
-    /// force; it indicates a deformation or a modulus in a wrong unit.
-    pub fn excessive_force(&self) -> Option<ExcessiveForce> {
-        let fiber = self.model.truss().max_relative_force(self.workspace.states())?;
-        (fiber.2 >= ExcessiveForce::THRESHOLD).then(|| ExcessiveForce::of(fiber))
-    }
-
     /// First Piola-Kirchhoff stress `P_iJ = kappa sum_b T_b,i X_b,J` over boundary nodes, in Pa (N over unit-cube area
     /// for `kappa = 1`).
     pub fn pk1(&self) -> Matrix3<f64> {
@@ -89,7 +82,7 @@ impl<'a, B: RealBackend> EquilibriumState<'a, B> {
     /// The consistent tangent `A = dP/dF` of the network after static condensation of its interior, in Pa.
     ///
     /// The boundary moves in six strain modes `dF = S F` of the current state. The interior follows by
-    /// back-substitution with the factor from the stability test of the equilibrium; the interior force rates of each
+    /// back-substitution with the factor from the stability test of the equilibrium; the interior force sensitivities of each
     /// mode are checked and corrected until they vanish. If the stiffness is singular, or so nearly singular that its
     /// own factor is too inaccurate, a small shift is added to its diagonal. The form
     /// `S_k F : A : S_l F = kappa v_k . K v_l` is stationary in the sensitivities `v`: their error enters squared.

@@ -117,7 +117,7 @@ pub const TRANSITION: Parameter = Parameter {
     name: "transition",
     option: "transition",
     label: "transition stretch",
-    symbol: "transition",
+    symbol: "lambda_t",
     unit: "",
     range: ParameterRange::AtLeast(1.0),
     default: None,

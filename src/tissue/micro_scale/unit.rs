@@ -302,10 +302,6 @@ impl Fibers {
         };
         self.origin = if is_affine { Origin::Branch } else { Origin::Trial };
         stats.count(solved.report());
-        // Without this check, load steps would continue for minutes before one fails.
-        if let Some(force) = solved.excessive_force() {
-            return Err(RveError::ExcessiveForce(force).into());
-        }
         let response = Response { energy: solved.energy(), pk1: solved.pk1(), tangent: solved.tangent()? };
         if library.predict {
             solved.keep_sensitivities()?;

@@ -63,10 +63,10 @@ fn extension(run: &Run) -> Option<Figure> {
     }
     let labels = Labels {
         chart: "extension and Newton iterations",
-        x: "load increment",
+        x: "load step",
         y: &format!("{} in {} (line)", run.extension_name(), run.extension_unit()),
     };
-    let caption = "Macro-scale body extension and Newton iterations per load increment";
+    let caption = "Macro-scale body extension and Newton iterations per load step";
     Some((caption.into(), extension_and_iterations(labels, &extension, &iterations)))
 }
 
@@ -85,8 +85,8 @@ fn seconds(run: &Run) -> Option<Figure> {
     if phases.iter().flat_map(|phase| &phase.points).all(|&(_, seconds)| seconds == 0.0) {
         return None;
     }
-    let labels = Labels { chart: "wall time by phase", x: "load increment", y: "wall time in s" };
-    Some(("Wall time by phase per load increment".into(), stacked_bars(labels, &phases)))
+    let labels = Labels { chart: "wall time by phase", x: "load step", y: "wall time in s" };
+    Some(("Wall time by phase per load step".into(), stacked_bars(labels, &phases)))
 }
 
 fn rves(run: &Run) -> Option<Figure> {
@@ -98,8 +98,8 @@ fn rves(run: &Run) -> Option<Figure> {
     if all[0].points.is_empty() {
         return None;
     }
-    let labels = Labels { chart: "RVE iterations", x: "load increment", y: "Newton iterations of an RVE" };
-    let caption = "Micro-scale Newton iterations per RVE equilibrium, by load increment";
+    let labels = Labels { chart: "RVE iterations", x: "load step", y: "Newton iterations of an RVE" };
+    let caption = "Micro-scale Newton iterations per RVE equilibrium, by load step";
     Some((caption.into(), lines(labels, &all)))
 }
 
@@ -117,6 +117,6 @@ fn convergence(run: &Run) -> Option<Figure> {
         return None;
     }
     let labels = Labels { chart: "convergence", x: "Newton iteration", y: "relative residual" };
-    let caption = "Convergence of Newton's method, one line per load increment (dark: first, light: last)";
+    let caption = "Convergence of Newton's method, one line per load step (dark: first, light: last)";
     Some((caption.into(), logarithmic(labels, &all)))
 }

@@ -151,15 +151,14 @@ fn outcome(directory: &Directory, run: &Run) -> String {
     let increments = run.increments.len();
     let plural = if increments == 1 { "" } else { "s" };
     let (class, words) = match &directory.end {
-        Some(end) if end.converged => (
-            "state",
-            format!("Converged: {increments} load increment{plural} in {} of wall time.", duration(end.seconds)),
-        ),
+        Some(end) if end.converged => {
+            ("state", format!("Converged: {increments} load step{plural} in {} of wall time.", duration(end.seconds)))
+        }
         Some(end) => {
             let reason = end.reason.as_deref().unwrap_or("no reason was written");
-            ("state failed", format!("Did not converge after {increments} load increment{plural}: {reason}."))
+            ("state failed", format!("Did not converge after {increments} load step{plural}: {reason}."))
         }
-        None => ("state", format!("{increments} load increment{plural} so far; the run has not ended yet.")),
+        None => ("state", format!("{increments} load step{plural} so far; the run has not ended yet.")),
     };
     format!("<p class=\"{class}\">{}</p>\n", escape(&words))
 }
@@ -218,7 +217,7 @@ fn facts(directory: &Directory, run: &Run) -> String {
     format!("<dl>{}</dl>\n", facts.iter().map(cell).collect::<Vec<_>>().join(""))
 }
 
-/// Returns the table of load increments and, below it, that of failed attempts.
+/// Returns the table of load steps and, below it, that of failed attempts.
 fn table(directory: &Directory, run: &Run) -> String {
     if run.increments.is_empty() {
         return String::new();
@@ -238,7 +237,7 @@ fn table(directory: &Directory, run: &Run) -> String {
     if with_rves {
         head.extend(["RVE solves", "mean RVE iterations", "largest"].map(str::to_owned));
     }
-    let mut html = String::from("<h2>Load increments</h2>\n<div class=\"scroll\"><table><thead><tr>");
+    let mut html = String::from("<h2>Load steps</h2>\n<div class=\"scroll\"><table><thead><tr>");
     for column in head {
         let _ = write!(html, "<th>{}</th>", escape(&column));
     }

@@ -105,7 +105,7 @@ fn format(output: &Path) -> Result<Format, Failure> {
         Some("svg") => Ok(Format::Svg),
         Some("vtp") => Ok(Format::Vtp),
         _ => Err(Failure::arguments(
-            format!("--output {}", output.display()),
+            format!("invalid --output {}", output.display()),
             "a name that ends in .svg (a picture) or .vtp (for a viewer of VTK files)",
             "give the file one of these endings",
         )),
@@ -131,7 +131,7 @@ fn check(arguments: &DrawArguments) -> Result<(), Failure> {
     }
     check_steps(arguments.steps.unwrap_or(1))?;
     if !(480..=20_000).contains(&arguments.width) {
-        let what = format!("--width {}", arguments.width);
+        let what = format!("invalid --width {}", arguments.width);
         return Err(Failure::arguments(what, "between 480 and 20000 pixels", "leave --width out for 900"));
     }
     Ok(())

@@ -179,7 +179,7 @@ fn alignment(arguments: &GenerateArguments) -> Result<Option<Alignment>, Failure
     let words = text.split(|c: char| c.is_whitespace() || c == ',').filter(|word| !word.is_empty());
     let numbers: Result<Vec<f64>, _> = words.map(str::parse).collect();
     let direction = numbers.ok().and_then(|numbers| <[f64; 3]>::try_from(numbers).ok()).ok_or_else(|| {
-        let (what, expected) = (format!("--align \"{text}\""), "three numbers: \"x y z\"");
+        let (what, expected) = (format!("invalid --align \"{text}\""), "three numbers: \"x y z\"");
         Failure::arguments(what, expected, "fibers along x: --align \"1 0 0\"; the quotes are required")
     })?;
     Alignment::new(direction, strength).map(Some).map_err(|error| not_generated(&error))

@@ -43,7 +43,7 @@ pub struct RveCommand {
     /// Tolerance of the residual, relative to all nodal forces; a residual at the rounding limit is always accepted
     #[arg(long, value_name = "T", value_parser = real, default_value = "1e-10", allow_hyphen_values = true)]
     tolerance: f64,
-    /// The stages that may be tried, separated by commas: newton, regularised, cuts, relaxation; tried in this order,
+    /// The stages that may be tried, separated by commas: newton, regularized, cuts, relaxation; tried in this order,
     /// whatever the order given; all of them by default
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     stages: Option<Vec<String>>,
@@ -90,7 +90,7 @@ fn check(command: RveCommand) -> Result<RveJob, Failure> {
     let RveCommand { steps, tolerance, dump, .. } = command;
     check_steps(steps)?;
     if !(tolerance > 0.0 && tolerance < 1.0) {
-        let what = format!("--tolerance {tolerance}");
+        let what = format!("invalid --tolerance {tolerance}");
         return Err(Failure::arguments(what, "a number between 0 and 1", "leave --tolerance out for 1e-10"));
     }
     let mut params = EquilibriumParams::default();
@@ -119,8 +119,8 @@ fn parse_stages(names: &[String]) -> Result<Stages, Failure> {
 
 /// Parses the nine numbers of `--F`, whose determinant must be positive.
 pub fn parse_gradient(text: &str) -> Result<Matrix3<f64>, Failure> {
-    let numbers: Result<Vec<f64>, _> =
-        text.split(|c: char| c.is_whitespace() || c == ',').filter(|t| !t.is_empty()).map(str::parse).collect();
+    let words: Vec<&str> = text.split(|c: char| c.is_whitespace() || c == ',').filter(|t| !t.is_empty()).collect();
+    let numbers: Result<Vec<f64>, _> = words.iter().map(|word| word.parse()).collect();
     let expected = "nine finite numbers, row by row: \"f11 f12 f13 f21 f22 f23 f31 f32 f33\"";
     match numbers {
         Ok(n) if n.len() == 9 && n.iter().all(|x| x.is_finite()) => {
@@ -134,7 +134,7 @@ pub fn parse_gradient(text: &str) -> Result<Matrix3<f64>, Failure> {
             Err(Failure::arguments(what, "a positive, finite determinant", cure))
         }
         _ => Err(Failure::arguments(
-            format!("--F \"{}\"", text.split_whitespace().collect::<Vec<_>>().join(" ")),
+            format!("invalid --F \"{}\"", words.join(" ")),
             expected,
             "the undeformed state is \"1 0 0 0 1 0 0 0 1\"; the quotes are required",
         )),
@@ -148,7 +148,7 @@ fn parse_scale(text: &str) -> Result<StressScale, Failure> {
     match text.trim().parse::<f64>() {
         Ok(phi) if phi > 0.0 && phi < 1.0 => Ok(StressScale::FiberVolumeFraction(phi)),
         _ => Err(Failure::arguments(
-            format!("--scale {}", excerpt(text)),
+            format!("invalid --scale {}", excerpt(text)),
             "\"raw\", or a fiber volume fraction between 0 and 1",
             "a collagen gel has about 0.003; leave --scale out for raw",
         )),

@@ -186,8 +186,8 @@ impl RveResult {
             };
             let _ = writeln!(out, "stability    a minimum of the energy{neutral}{saddles}");
         }
-        let _ = writeln!(out, "J            {:?}", self.determinant);
-        let _ = writeln!(out, "kappa        {:e}", self.scale);
+        let _ = writeln!(out, "det F        {:?}", self.determinant);
+        let _ = writeln!(out, "scale kappa  {:e}", self.scale);
         if let Some(state) = &self.state {
             state.write(&mut out);
         }
