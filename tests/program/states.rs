@@ -134,4 +134,11 @@ fn an_excessive_displacement_gives_a_hint_on_units() {
     let pulled = run(folder.path(), &format!("{text}\n[steps]\ncount = 10\n"), "--out out");
     assert!(pulled.failed(3).contains("the fiber forces are excessive"), "{}", pulled.stderr);
     assert!(pulled.stderr.contains("are both in m?"), "{}", pulled.stderr);
+    let saved: Vec<_> =
+        std::fs::read_dir(folder.path().join("out/lost-rve")).unwrap().map(|entry| entry.unwrap()).collect();
+    assert!(!saved.is_empty());
+    for file in saved {
+        let again = line(folder.path(), &format!("rve --replay {}", file.path().display()));
+        assert!(again.failed(3).contains("the fiber forces are excessive"), "{}", again.stderr);
+    }
 }

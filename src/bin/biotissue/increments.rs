@@ -148,7 +148,10 @@ impl Increments<'_> {
         };
         let (expected, cure) = if let RveError::ExcessiveForce(_) = error {
             let units = "moduli and stresses are in Pa, radii in m, F has no unit";
-            ("forces within the floating-point range", format!("check the law and F ({units}); else {advice}"))
+            (
+                "fiber forces below 1e12 times the stiffness at rest",
+                format!("check the law and F ({units}); else {advice}"),
+            )
         } else if error.is_linear() {
             let cure = match self.file {
                 Some(file) => {
