@@ -1,4 +1,4 @@
-//! Errors in input files: the position, the problem, the expected content, and the hint, which the message shows as
+//! Errors in input files: the position, the problem, the expected content, and the cure, which the message shows as
 //! `cure`.
 
 use std::fmt::{self, Write as _};
@@ -59,7 +59,7 @@ pub struct InputError {
     /// The expected content.
     pub expected: String,
     /// The action that the user should take.
-    pub hint: String,
+    pub cure: String,
 }
 
 impl InputError {
@@ -68,9 +68,9 @@ impl InputError {
         file: &Path,
         problem: impl Into<String>,
         expected: impl Into<String>,
-        hint: impl Into<String>,
+        cure: impl Into<String>,
     ) -> Self {
-        Self { file: file.into(), line: None, problem: problem.into(), expected: expected.into(), hint: hint.into() }
+        Self { file: file.into(), line: None, problem: problem.into(), expected: expected.into(), cure: cure.into() }
     }
 
     /// Creates an error at a line, counted from 1.
@@ -79,9 +79,9 @@ impl InputError {
         line: usize,
         problem: impl Into<String>,
         expected: impl Into<String>,
-        hint: impl Into<String>,
+        cure: impl Into<String>,
     ) -> Self {
-        Self { line: Some(line), ..Self::in_file(file, problem, expected, hint) }
+        Self { line: Some(line), ..Self::in_file(file, problem, expected, cure) }
     }
 
     /// Creates the error for a file that cannot be read.
@@ -102,8 +102,8 @@ impl fmt::Display for InputError {
             write!(position, ":{line}")?;
         }
         write!(f, "{}: {}", clipped(&position, usize::MAX), clipped(&self.problem, MOST_IN_LINE))?;
-        let (expected, hint) = (clipped(&self.expected, MOST_IN_LINE), clipped(&self.hint, MOST_IN_LINE));
-        write!(f, "\n  expected: {expected}\n  cure: {hint}")
+        let (expected, cure) = (clipped(&self.expected, MOST_IN_LINE), clipped(&self.cure, MOST_IN_LINE));
+        write!(f, "\n  expected: {expected}\n  cure: {cure}")
     }
 }
 

@@ -137,7 +137,7 @@ fn curve(table: &mut Table<'_>, base: &Path) -> Option<Curve> {
                         file.report_error(
                             &format!("names a table with an error: {place}: {}", error.problem),
                             error.expected,
-                            error.hint,
+                            error.cure,
                         );
                     }
                     None

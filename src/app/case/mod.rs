@@ -86,7 +86,7 @@
 //! file.case.check_names(&names(&["body"]), &names(&["x0", "x1", "y0", "y1", "z0", "z1"]))?;
 //!
 //! let errors = Case::parse(&text.replace("count = 20", "cuont = 20"), Path::new("block.toml")).unwrap_err();
-//! assert_eq!(errors.0[0].hint, "did you mean `count`?");
+//! assert_eq!(errors.0[0].cure, "did you mean `count`?");
 //! # Ok::<(), biotissue::input::InputErrors>(())
 //! ```
 //!

@@ -82,16 +82,19 @@ fn errors(text: &str) -> String {
 }
 
 /// The continuation of an error message after its first line.
-fn hint(expected: &str, cure: &str) -> String {
+fn with_cure(expected: &str, cure: &str) -> String {
     format!("\n  expected: {expected}\n  cure: {cure}")
 }
 
 #[test]
 fn invalid_sections_are_reported() {
-    let unknown = hint("`@scales`, `@relations`, `@util` or `@analysis`", "correct its name, or remove the section");
-    let outside =
-        hint("a section, such as `@scales`, before the first entry", "put the name of its section on a line above it");
-    let behind = hint("the name of the section alone", "put what belongs to it on lines of their own");
+    let unknown =
+        with_cure("`@scales`, `@relations`, `@util` or `@analysis`", "correct its name, or remove the section");
+    let outside = with_cure(
+        "a section, such as `@scales`, before the first entry",
+        "put the name of its section on a line above it",
+    );
+    let behind = with_cure("the name of the section alone", "put what belongs to it on lines of their own");
     let table = [
         ("@scale\nmacro many\n", format!("1: there is no section `@scale`{unknown}")),
         ("\nmacro 1\n@scales\n", format!("2: `macro` is outside all sections{outside}")),
@@ -104,14 +107,14 @@ fn invalid_sections_are_reported() {
 
 #[test]
 fn invalid_scales_are_reported() {
-    let count = hint("a whole number from 1 to 16777216", "write how many ranks the scale gets");
-    let form = hint("`NAME COUNT`, `NAME ranks 0 1 5-7` or `NAME ratio 1.5`", "write one of these");
-    let ranks = hint(
+    let count = with_cure("a whole number from 1 to 16777216", "write how many ranks the scale gets");
+    let form = with_cure("`NAME COUNT`, `NAME ranks 0 1 5-7` or `NAME ratio 1.5`", "write one of these");
+    let ranks = with_cure(
         "a rank from 0 to 16777215, such as `1`, or a span of them, such as `5-7`",
         "write numbers, the smaller one first",
     );
-    let ratio = hint("a positive number", "write one, such as `1.5`");
-    let twice = hint("a name of its own for each scale", "rename one of them, or remove it");
+    let ratio = with_cure("a positive number", "write one, such as `1.5`");
+    let twice = with_cure("a name of its own for each scale", "rename one of them, or remove it");
     let table = [
         ("a 0", format!("2: `0` is not a number of ranks{count}")),
         ("a -3", format!("2: `-3` is not a number of ranks{count}")),
@@ -134,10 +137,11 @@ fn invalid_scales_are_reported() {
 
 #[test]
 fn invalid_relations_are_reported() {
-    let pair = hint("two scales: `PRODUCER CONSUMER`", "name the scale that has the data, then the one that gets them");
-    let scale = hint("a scale: `a`, `b`", "correct the name, or add the scale to `@scales`");
-    let once = hint("each relation once", "remove one of the two");
-    let other = hint("two scales", "name another scale, or remove the line");
+    let pair =
+        with_cure("two scales: `PRODUCER CONSUMER`", "name the scale that has the data, then the one that gets them");
+    let scale = with_cure("a scale: `a`, `b`", "correct the name, or add the scale to `@scales`");
+    let once = with_cure("each relation once", "remove one of the two");
+    let other = with_cure("two scales", "name another scale, or remove the line");
     let table = [
         ("a", format!("5: `a` is not a relation{pair}")),
         ("a b a", format!("5: `a b a` is not a relation{pair}")),
@@ -152,15 +156,15 @@ fn invalid_relations_are_reported() {
 
 #[test]
 fn invalid_folders_are_reported() {
-    let key = hint("`results`", "correct the name, or remove the line");
-    let folder = hint("`results PATH`, with a path without blanks", "name one folder");
+    let key = with_cure("`results`", "correct the name, or remove the line");
+    let folder = with_cure("`results PATH`, with a path without blanks", "name one folder");
     let unset = |name: &str, path: &str| {
         let cure = format!("set it (`export {name}=...`), or write the path itself");
-        let hint = hint("a variable with a part of the path", &cure);
-        format!("2: the environment variable {name} in `{path}` is not set, or is empty{hint}")
+        let cure = with_cure("a variable with a part of the path", &cure);
+        format!("2: the environment variable {name} in `{path}` is not set, or is empty{cure}")
     };
-    let name = hint("`$NAME` or `${NAME}`", "name the environment variable, or remove the `$`");
-    let line = hint("one line `results`", "remove one of the two");
+    let name = with_cure("`$NAME` or `${NAME}`", "name the environment variable, or remove the `$`");
+    let line = with_cure("one line `results`", "remove one of the two");
     let table = [
         ("result out", format!("2: there is no `result` in `@util`{key}")),
         ("results", format!("2: `results` does not name one folder{folder}")),

@@ -109,9 +109,9 @@ impl ParsedFile<'_> {
                 0 => "the mesh has no tetrahedra".to_owned(),
                 triangles => format!("the mesh has no tetrahedra, only {triangles} triangles"),
             };
-            let hint = "mesh the volume (in Gmsh: Mesh, 3D), put it in a physical group (Gmsh saves nothing else if \
+            let cure = "mesh the volume (in Gmsh: Mesh, 3D), put it in a physical group (Gmsh saves nothing else if \
                         there are any groups), and export again";
-            return Err(self.error(0, problem, "a body of tetrahedra", hint));
+            return Err(self.error(0, problem, "a body of tetrahedra", cure));
         }
         Ok(())
     }
@@ -125,8 +125,8 @@ impl ParsedFile<'_> {
         }
         Numbering::new(nodes.iter().map(|node| node.tag)).map_err(|index| {
             let node = &nodes[index];
-            let hint = "renumber the mesh in Gmsh (Mesh, Renumber) or export it again";
-            self.error(node.line, format!("node {} is defined a second time", node.tag), "each node once", hint)
+            let cure = "renumber the mesh in Gmsh (Mesh, Renumber) or export it again";
+            self.error(node.line, format!("node {} is defined a second time", node.tag), "each node once", cure)
         })
     }
 
@@ -145,8 +145,8 @@ impl ParsedFile<'_> {
             })?;
             if cell.nodes[..k].contains(&tag) {
                 let problem = format!("{noun} {} has node {tag} twice", cell.tag);
-                let hint = "remove the collapsed element or mesh again";
-                return Err(self.error(cell.line, problem, "different nodes", hint));
+                let cure = "remove the collapsed element or mesh again";
+                return Err(self.error(cell.line, problem, "different nodes", cure));
             }
         }
         Ok(nodes)
@@ -193,9 +193,9 @@ impl ParsedFile<'_> {
         if without > 0 {
             let problem = format!("{without} of {total} tetrahedra are in no physical volume group");
             let expected = "every tetrahedron in one physical volume group (or no such group at all)";
-            let hint = "add the volumes left out to a physical group (and export with Mesh.SaveAll = 0: \
+            let cure = "add the volumes left out to a physical group (and export with Mesh.SaveAll = 0: \
                  version 2.2 loses the groups otherwise), or remove all physical volume groups and their names";
-            return Err(self.error(0, problem, expected, hint));
+            return Err(self.error(0, problem, expected, cure));
         }
         let (order, names) = names.in_order();
         Ok((names, of.into_iter().map(|name: u32| order[name as usize]).collect()))

@@ -88,13 +88,13 @@ impl<'a> Cursor<'a> {
         &self,
         problem: impl Into<String>,
         expected: impl Into<String>,
-        hint: impl Into<String>,
+        cure: impl Into<String>,
     ) -> InputError {
         match self.encoding {
-            Encoding::Text => InputError::at_line(self.path, self.token_line, problem, expected, hint),
+            Encoding::Text => InputError::at_line(self.path, self.token_line, problem, expected, cure),
             Encoding::Binary { .. } => {
                 let problem = format!("at byte {}: {}", self.token_at, problem.into());
-                InputError::in_file(self.path, problem, expected, hint)
+                InputError::in_file(self.path, problem, expected, cure)
             }
         }
     }
@@ -196,8 +196,8 @@ impl<'a> Cursor<'a> {
         });
         let Some((at, _)) = found else {
             let problem = format!("the section `${0}` is not closed: no line `$End{0}` follows", self.section);
-            let hint = "the file was cut off: export or copy it again";
-            return Err(self.error(problem, format!("`$End{}`", self.section), hint));
+            let cure = "the file was cut off: export or copy it again";
+            return Err(self.error(problem, format!("`$End{}`", self.section), cure));
         };
         let stop = start + at + end.len();
         self.line += self.bytes[self.at..stop].iter().filter(|&&byte| byte == b'\n').count();

@@ -12,7 +12,7 @@ pub(super) enum ElementTreatment {
 /// Returns the treatment of an element type number.
 ///
 /// # Errors
-/// Returns the name and a hint if the type is not supported.
+/// Returns the name and a cure if the type is not supported.
 pub(super) fn treatment(number: i32) -> Result<ElementTreatment, (String, &'static str)> {
     match number {
         15 => Ok(ElementTreatment::Ignored(1)),
@@ -23,13 +23,13 @@ pub(super) fn treatment(number: i32) -> Result<ElementTreatment, (String, &'stat
     }
 }
 
-/// Returns the name of an unsupported element type and a hint.
+/// Returns the name of an unsupported element type and a cure.
 fn unsupported(number: i32) -> (String, &'static str) {
     const LINEAR: &str = "export the mesh with element order 1 (in Gmsh: Mesh.ElementOrder = 1)";
     const SIMPLICES: &str =
         "mesh the body with tetrahedra only (in Gmsh: no recombination, no transfinite or extruded hexahedra)";
     const UNKNOWN: &str = "the file is damaged or of a newer version: export it again from Gmsh";
-    let (name, order, hint) = match number {
+    let (name, order, cure) = match number {
         3 => ("4-node quadrangles", 1, SIMPLICES),
         5 => ("8-node hexahedra", 1, SIMPLICES),
         6 => ("6-node prisms", 1, SIMPLICES),
@@ -61,7 +61,7 @@ fn unsupported(number: i32) -> (String, &'static str) {
         93 => ("125-node hexahedra", 4, SIMPLICES),
         _ => return (format!("elements of type {number}"), UNKNOWN),
     };
-    (format!("{name} (order {order}, element type {number})"), hint)
+    (format!("{name} (order {order}, element type {number})"), cure)
 }
 
 #[cfg(test)]

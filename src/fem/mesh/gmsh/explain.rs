@@ -17,18 +17,18 @@ pub(super) struct ParsedFile<'a> {
 
 impl ParsedFile<'_> {
     /// Creates an error at a line; line 0 means the whole file.
-    pub fn error(&self, line: u32, problem: String, expected: &str, hint: &str) -> InputError {
+    pub fn error(&self, line: u32, problem: String, expected: &str, cure: &str) -> InputError {
         match line {
-            0 => InputError::in_file(self.path, problem, expected, hint),
-            line => InputError::at_line(self.path, line as usize, problem, expected, hint),
+            0 => InputError::in_file(self.path, problem, expected, cure),
+            line => InputError::at_line(self.path, line as usize, problem, expected, cure),
         }
     }
 
     /// Creates the error for an element in two regions.
     pub fn in_two_groups(&self, cell: &Cell<4>, first: &str, second: &str) -> InputError {
         let problem = format!("tetrahedron {} is in two physical volume groups, `{first}` and `{second}`", cell.tag);
-        let hint = "remove its volume from one of the groups";
-        self.error(cell.line, problem, "every tetrahedron in one physical volume group", hint)
+        let cure = "remove its volume from one of the groups";
+        self.error(cell.line, problem, "every tetrahedron in one physical volume group", cure)
     }
 
     /// Translates a mesh error into an error with the tags and lines of the file.
@@ -44,23 +44,23 @@ impl ParsedFile<'_> {
                     "tetrahedron {} is flat: its volume is {volume:e}, its longest edge {longest_edge:e}",
                     cell.tag
                 );
-                let hint = "improve the mesh (in Gmsh: Optimize 3D) or mesh again";
-                self.error(cell.line, problem, "tetrahedra with a volume", hint)
+                let cure = "improve the mesh (in Gmsh: Optimize 3D) or mesh again";
+                self.error(cell.line, problem, "tetrahedra with a volume", cure)
             }),
             MeshError::Overlap { first, second, .. } => {
                 tetrahedron(*first).zip(tetrahedron(*second)).map(|(first, second)| self.overlap(first, second))
             }
             MeshError::NotAFace { surface, triangle: index, .. } => triangle(surface, *index).map(|cell| {
                 let problem = format!("triangle {} of surface `{surface}` is not a face of any tetrahedron", cell.tag);
-                let hint = "remove the surface from the physical group, or export also the volume that it belongs to";
-                self.error(cell.line, problem, "surfaces that bound the body or lie in it", hint)
+                let cure = "remove the surface from the physical group, or export also the volume that it belongs to";
+                self.error(cell.line, problem, "surfaces that bound the body or lie in it", cure)
             }),
             MeshError::DuplicateTriangle { surface, first, second } => {
                 triangle(surface, *first).zip(triangle(surface, *second)).map(|(first, second)| {
                     let problem =
                         format!("triangles {} and {} of surface `{surface}` are the same", first.tag, second.tag);
-                    let hint = "remove duplicate elements (in Gmsh: Coherence Mesh) and export again";
-                    self.error(second.line, problem, "each triangle of a surface once", hint)
+                    let cure = "remove duplicate elements (in Gmsh: Coherence Mesh) and export again";
+                    self.error(second.line, problem, "each triangle of a surface once", cure)
                 })
             }
             _ => None,
@@ -80,14 +80,14 @@ impl ParsedFile<'_> {
                 return self.in_two_groups(second, &one, &other);
             }
             let problem = format!("tetrahedra {} and {} are the same", first.tag, second.tag);
-            let hint = "remove duplicate elements (in Gmsh: Coherence Mesh) and export again";
-            return self.error(second.line, problem, "each tetrahedron once", hint);
+            let cure = "remove duplicate elements (in Gmsh: Coherence Mesh) and export again";
+            return self.error(second.line, problem, "each tetrahedron once", cure);
         }
         let problem = format!(
             "tetrahedra {} and {} overlap: they lie on the same side of a face they share",
             first.tag, second.tag
         );
-        let hint = "check the mesh for inverted and overlapping elements and mesh again";
-        self.error(second.line, problem, "a body that does not overlap itself", hint)
+        let cure = "check the mesh for inverted and overlapping elements and mesh again";
+        self.error(second.line, problem, "a body that does not overlap itself", cure)
     }
 }

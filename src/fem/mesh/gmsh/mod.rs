@@ -3,7 +3,7 @@
 //! Physical groups of volumes become regions and physical groups of surfaces become surfaces; a group without a name is
 //! named by its number. A file without volume groups has one region, `body`. The reader ignores points, lines, and
 //! sections that do not describe the mesh. Other element types, and anything else that would silently change the
-//! results, cause an error with its position and a hint.
+//! results, cause an error with its position and a cure.
 //!
 //! The format is described in the [Gmsh reference manual](https://gmsh.info/doc/texinfo/gmsh.html#MSH-file-format).
 
@@ -61,9 +61,9 @@ pub fn parse(bytes: &[u8], path: &Path) -> Result<MeshFile, InputError> {
             ("Nodes", Version::V4_1) => version4::nodes(&mut cursor, &mut raw)?,
             ("Elements", Version::V4_1) => version4::elements(&mut cursor, &mut raw)?,
             ("PartitionedEntities", Version::V4_1) => {
-                let hint = "undo the partition in Gmsh (Unpartition) and export it again; \
+                let cure = "undo the partition in Gmsh (Unpartition) and export it again; \
                  elements are distributed when a run starts";
-                return Err(cursor.error("the mesh is partitioned", "a mesh in one piece", hint));
+                return Err(cursor.error("the mesh is partitioned", "a mesh in one piece", cure));
             }
             _ => {
                 cursor.skip_section()?;
@@ -96,24 +96,24 @@ fn header(cursor: &mut Cursor<'_>) -> Result<Version, InputError> {
         2.2 => Version::V2_2,
         4.1 => Version::V4_1,
         _ => {
-            let hint =
+            let cure =
                 "open the file in Gmsh and export it as version 4.1 (`gmsh old.msh -save -format msh41 -o new.msh`)";
-            return Err(cursor.error(format!("Gmsh format {number:?} is not supported"), "version 4.1 or 2.2", hint));
+            return Err(cursor.error(format!("Gmsh format {number:?} is not supported"), "version 4.1 or 2.2", cure));
         }
     };
     let binary = match cursor.size("0 for text or 1 for binary")? {
         0 => false,
         1 => true,
         other => {
-            let hint = "the file is damaged: export it again";
-            return Err(cursor.error(format!("the file type is {other}"), "0 for text or 1 for binary", hint));
+            let cure = "the file is damaged: export it again";
+            return Err(cursor.error(format!("the file type is {other}"), "0 for text or 1 for binary", cure));
         }
     };
     let width = cursor.size("the size of the file's numbers in bytes, 8")?;
     if !(width == 8 || width == 4 && version == Version::V4_1) {
         let expected = if version == Version::V4_1 { "8 or 4" } else { "8" };
-        let hint = "export the mesh again from Gmsh";
-        return Err(cursor.error(format!("the data size is {width}"), format!("{expected} bytes"), hint));
+        let cure = "export the mesh again from Gmsh";
+        return Err(cursor.error(format!("the data size is {width}"), format!("{expected} bytes"), cure));
     }
     cursor.end_row()?;
     if binary {

@@ -49,8 +49,8 @@ impl Raw {
     /// Returns an error if the section was found before.
     pub fn once(&mut self, cursor: &Cursor<'_>, section: &'static str) -> Result<(), InputError> {
         if self.seen.contains(&section) {
-            let hint = "the file contains several meshes or is damaged: export one mesh per file";
-            return Err(cursor.error(format!("a second ${section}"), format!("one ${section} in a file"), hint));
+            let cure = "the file contains several meshes or is damaged: export one mesh per file";
+            return Err(cursor.error(format!("a second ${section}"), format!("one ${section} in a file"), cure));
         }
         self.seen.push(section);
         Ok(())
@@ -92,8 +92,8 @@ impl Raw {
             };
             if !is_name(name) || name.contains(char::REPLACEMENT_CHARACTER) {
                 let problem = format!("physical group {number} is called `{}`", excerpt(name));
-                let hint = "rename the physical group and export the mesh again";
-                return Err(cursor.error(problem, "a name of printable characters without quotes", hint));
+                let cure = "rename the physical group and export the mesh again";
+                return Err(cursor.error(problem, "a name of printable characters without quotes", cure));
             }
             if let Some(first) = self.names.insert((dimension, number.saturating_abs()), name.to_owned()) {
                 let problem =
@@ -144,8 +144,8 @@ impl Raw {
 
 /// Returns the treatment of the element type just read.
 pub(super) fn element_treatment(cursor: &Cursor<'_>, number: i32) -> Result<ElementTreatment, InputError> {
-    treatment(number).map_err(|(name, hint)| {
+    treatment(number).map_err(|(name, cure)| {
         let problem = format!("the mesh has {name}");
-        cursor.error(problem, "4-node tetrahedra and 3-node triangles (points and lines are ignored)", hint)
+        cursor.error(problem, "4-node tetrahedra and 3-node triangles (points and lines are ignored)", cure)
     })
 }

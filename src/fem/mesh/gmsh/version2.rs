@@ -52,8 +52,8 @@ pub(super) fn elements(cursor: &mut Cursor<'_>, raw: &mut Raw) -> Result<(), Inp
         let tags = cursor.small_size("the number of tags an element has")?;
         if here > left {
             let problem = format!("a block of {here} elements, but only {left} of the {count} announced are left");
-            let hint = "the file is damaged: export it again";
-            return Err(cursor.error(problem, "blocks that add up to the number of elements", hint));
+            let cure = "the file is damaged: export it again";
+            return Err(cursor.error(problem, "blocks that add up to the number of elements", cure));
         }
         for _ in 0..here {
             let tag = cursor.small_size(ELEMENT)?;

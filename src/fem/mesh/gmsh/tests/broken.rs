@@ -35,16 +35,16 @@ const TAKE_OUT: &str = "remove its volume from one of the groups";
 const COHERENCE: &str = "remove duplicate elements (in Gmsh: Coherence Mesh) and export again";
 
 /// Checks the errors of files. Cases: a file => the position and description of its error, the expected content, the
-/// hint.
+/// cure.
 macro_rules! check {
-    ($($file:expr => $problem:literal, $expected:expr, $hint:expr;)*) => {
-        $(assert_error($file, $problem, $expected, $hint);)*
+    ($($file:expr => $problem:literal, $expected:expr, $cure:expr;)*) => {
+        $(assert_error($file, $problem, $expected, $cure);)*
     };
 }
 
-fn assert_error(bytes: Vec<u8>, problem: &str, expected: &str, hint: &str) {
+fn assert_error(bytes: Vec<u8>, problem: &str, expected: &str, cure: &str) {
     let error = read(&bytes).map(|_| ()).expect_err(problem);
-    let message = format!("{problem}\n  expected: {expected}\n  cure: {hint}");
+    let message = format!("{problem}\n  expected: {expected}\n  cure: {cure}");
     assert_eq!(error.to_string(), message, "for the file\n{}", String::from_utf8_lossy(&bytes));
 }
 

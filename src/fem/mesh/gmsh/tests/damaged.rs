@@ -26,7 +26,7 @@ fn a_file_cut_off_at_any_byte_is_an_error() {
                     assert!(end == whole_without_break && file == whole, "cut at byte {end} of {}", bytes.len())
                 }
                 Err(error) => {
-                    assert!(!error.problem.is_empty() && !error.expected.is_empty() && !error.hint.is_empty())
+                    assert!(!error.problem.is_empty() && !error.expected.is_empty() && !error.cure.is_empty())
                 }
             }
         }
