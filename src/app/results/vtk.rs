@@ -1,13 +1,11 @@
 //! What all VTK files of a result directory have in common: the XML text, the checks of their arrays, and the errors.
 
-use std::fmt::Write as _;
 use std::io;
 use std::path::Path;
 
 use quick_xml::Writer;
 use quick_xml::events::{BytesDecl, BytesStart, Event as XmlEvent};
 use vtkio::model::{Attribute, ByteOrder, DataArray, DataSet, Version, Vtk};
-use vtkio::xml::VTKFile;
 
 use super::ResultsError;
 
@@ -20,11 +18,8 @@ pub(super) fn encode(path: &Path, data: DataSet) -> Result<Vec<u8>, ResultsError
         file_path: None,
         data,
     };
-    // `Display` of this type is compiled once, in vtkio; `Vtk::write_xml` is generic and would be compiled here.
-    let file = VTKFile::try_from(vtk).map_err(|source| ResultsError::Encode(path.into(), source.into()))?;
-    let mut text = String::new();
-    write!(text, "{file}").map_err(|_| ResultsError::Encode(path.into(), vtkio::Error::Unknown))?;
-    let mut bytes = text.into_bytes();
+    let mut bytes = Vec::new();
+    vtk.write_xml(&mut bytes).map_err(|source| ResultsError::Encode(path.into(), source))?;
     for array in ["connectivity", "offsets"] {
         declare_signed(&mut bytes, array);
     }
@@ -44,8 +39,7 @@ fn declare_signed(bytes: &mut Vec<u8>, array: &str) {
 pub(super) fn read(path: &Path, expected: &'static str) -> Result<DataSet, ResultsError> {
     let text = std::fs::read(path).map_err(ResultsError::read(path))?;
     check_arrays(path, &text)?;
-    // Like `Display` above, this is compiled once, in vtkio.
-    let vtk = Vtk::import(path);
+    let vtk = Vtk::parse_xml(text.as_slice());
     vtk.map(|vtk| vtk.data).map_err(|error| ResultsError::damaged(path, None, error.to_string(), expected))
 }
 
