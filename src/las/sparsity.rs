@@ -41,7 +41,7 @@ pub enum SparsityError {
         /// Row.
         row: usize,
     },
-    /// More entries, unknowns, or unknowns of all elements together, than 32-bit signed indices can address.
+    /// The entries, the unknowns, or the unknowns summed over the elements exceed what 32-bit signed indices can address.
     #[error("{0} is more than the 2147483647 that 32-bit indices can address")]
     TooLarge(usize),
 }
@@ -54,7 +54,7 @@ impl Sparsity {
     ///
     /// # Errors
     /// Returns [`SparsityError::Column`] if an unknown is not below `unknowns` (its `row` is then the element number),
-    /// or [`SparsityError::TooLarge`], also for the sum of the unknowns of all elements.
+    /// or [`SparsityError::TooLarge`].
     pub fn from_elements<E, I>(unknowns: usize, elements: E) -> Result<Self, SparsityError>
     where
         E: IntoIterator<Item = I>,

@@ -216,7 +216,7 @@ fn excessive_forces_end_all_stages() {
         let before = rve.clone();
         bench.params.newton.max_iterations = max_iterations;
         let error = bench.solve(&mut rve, &Matrix3::from_diagonal(&[stretch, 1.0, 1.0].into())).unwrap_err();
-        let RveError::ExcessiveForce(force) = &error else { panic!("{error}") };
+        let RveError::ExcessiveForce { force, .. } = &error else { panic!("{error}") };
         assert!(force.force_ratio >= 1e12 && force.stretch > 0.5 * stretch, "{error}");
         let message = "the law exponential (youngs_modulus = 100000000.0, nonlinearity = 1.2) pulls with ";
         assert!(
@@ -224,5 +224,24 @@ fn excessive_forces_end_all_stages() {
             "{error}"
         );
         assert_eq!(rve, before);
+    }
+}
+
+/// Half of the increment has no excessive force, so every stage is tried; each that reaches the equilibrium rejects it.
+#[test]
+fn an_equilibrium_with_excessive_forces_is_rejected_by_every_stage() {
+    let mut bench = Bench::<Sparse>::new(&support::frozen(), Some(support::laws()[1].clone()));
+    let stretched = |stretch: f64| Matrix3::from_diagonal(&[stretch, 1.0, 1.0].into());
+    let mut rve = bench.at_rest();
+    for stretch in [1.5, 2.0, 3.0, 4.0, 5.0] {
+        bench.solve(&mut rve, &stretched(stretch)).unwrap();
+    }
+    bench.keep_sensitivities(&mut rve);
+    let (before, params) = (rve.clone(), bench.params);
+    for stages in [&[Stage::Newton][..], &[Stage::Regularized], &[Stage::Cuts], &[Stage::Relaxation], &Stage::ALL] {
+        bench.params = params.with_stages(Stages::of(stages));
+        let error = bench.solve(&mut rve, &stretched(7.4)).unwrap_err();
+        assert!(matches!(error, RveError::ExcessiveForce { .. }), "{stages:?}: {error}");
+        assert_eq!(rve, before, "{stages:?}");
     }
 }

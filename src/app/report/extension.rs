@@ -1,4 +1,4 @@
-//! The extension of a pulled body: one number per load increment, from the displacements of its surfaces.
+//! The extension of a pulled body: one number per load step, from the displacements of its surfaces.
 //!
 //! The direction of the pull is the axis and the two surfaces whose mean displacements differ most in the last row of
 //! `loads.csv`; the elongation is that difference, positive if the body becomes longer, and the extension is the

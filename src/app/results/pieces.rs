@@ -35,7 +35,7 @@ pub fn part_file(index_name: &str, part: usize) -> String {
 /// Panics if a part is not below `parts`.
 pub fn write_pieces(path: &Path, fields: &FieldSet, part_of: &[u32], parts: usize) -> Result<(), ResultsError> {
     check(path, fields)?;
-    ResultsError::check_length(path, "elements", fields.elements.len(), part_of.len())?;
+    ResultsError::check_length(path, "part_of", part_of.len(), fields.elements.len())?;
     let name = file_name(path)?;
     let mut of_part: Vec<Vec<u32>> = vec![Vec::new(); parts];
     (0..).zip(part_of).for_each(|(element, &part)| of_part[part as usize].push(element));
@@ -297,7 +297,7 @@ mod tests {
         let error = refused(&FieldSet { points: &values.points[..9], point_vectors: Vec::new(), ..values.fields() });
         assert!(matches!(error, ResultsError::ElementNode { element: 0, node: 9, nodes: 9, .. }), "{error}");
         let error = write_pieces(&path, &values.fields(), &PART_OF[..3], PARTS).unwrap_err();
-        assert!(matches!(&error, ResultsError::Length { name, found: 4, expected: 3, .. } if name == "elements"));
+        assert!(matches!(&error, ResultsError::Length { name, found: 3, expected: 4, .. } if name == "part_of"));
         assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0);
     }
 }

@@ -1,5 +1,4 @@
-//! Run-time dispatch to a backend type by its name. (`ranks/mains.rs` chooses the backend of RVEs on ranks of their
-//! own.)
+//! Run-time dispatch to a backend type by its name.
 
 use biotissue::backends::{self, BackendName};
 use biotissue::las::RealBackend;
@@ -7,9 +6,29 @@ use biotissue::las::RealBackend;
 use crate::failure::Failure;
 
 /// A backend that the program can run on.
-pub trait ProgramBackend: RealBackend<Context: Clone> {}
+pub trait ProgramBackend: RealBackend<Context: Clone> {
+    /// The backend of the RVEs if they have ranks of their own; an RVE is solved by a single rank.
+    #[cfg(any(feature = "sparse", feature = "dense"))]
+    type Micro: RealBackend<Context = ()>;
+}
 
-impl<B: RealBackend<Context: Clone>> ProgramBackend for B {}
+#[cfg(feature = "sparse")]
+impl ProgramBackend for backends::sparse::Sparse {
+    type Micro = Self;
+}
+
+#[cfg(feature = "dense")]
+impl ProgramBackend for backends::dense::Dense {
+    type Micro = Self;
+}
+
+#[cfg(feature = "petsc")]
+impl ProgramBackend for backends::petsc::Petsc {
+    #[cfg(feature = "sparse")]
+    type Micro = backends::sparse::Sparse;
+    #[cfg(all(feature = "dense", not(feature = "sparse")))]
+    type Micro = backends::dense::Dense;
+}
 
 /// A computation that is generic over the backend.
 pub trait Job {

@@ -146,11 +146,15 @@ impl Increments<'_> {
             }
             false => format!("use more --steps (now {}), or an F nearer to the undeformed state", self.steps),
         };
-        let (expected, cure) = if let RveError::ExcessiveForce(_) = error {
+        let (expected, cure) = if let RveError::ExcessiveForce { .. } = error {
             let units = "moduli and stresses are in Pa, radii in m, F has no unit";
             (
-                "fiber forces below 1e12 times the stiffness at rest",
-                format!("check the law and F ({units}); else {advice}"),
+                "fiber forces below 1e12 times the stiffness of the fiber at rest",
+                match self.replayed {
+                    // The forces of an equilibrium do not depend on increments and stages.
+                    true => format!("check the law and the deformation of the run that wrote it ({units})"),
+                    false => format!("check the law and F ({units}); else {advice}"),
+                },
             )
         } else if error.is_linear() {
             let cure = match self.file {

@@ -25,10 +25,10 @@
 //!   there; the minimum is the equilibrium. If [`Stage::Regularized`] is not among the stages, no minimization is
 //!   available and the stage fails ([`StageError::Unstable`]).
 //!
-//! A fiber force that is not finite or at least [`ExcessiveForce::THRESHOLD`] times the stiffness of the fiber at rest
-//! ends the solve ([`RveError::ExcessiveForce`]) where an equilibrium has it, and where Newton fails for the whole
-//! increment and the affine motion, even of half the increment, has it: the other stages start from the same state, and
-//! the caller has to choose a smaller increment.
+//! A fiber force is *excessive* if it is not finite or at least [`ExcessiveForce::THRESHOLD`] times the stiffness of the
+//! fiber at rest. The solve ends with [`RveError::ExcessiveForce`] in two cases: a stage reaches an equilibrium with such
+//! a force; or Newton fails for the whole increment, and the affine motions to the target and to half of the increment
+//! both have such a force. In the second case a smaller increment may succeed.
 //!
 //! Energy minimization precedes the cuts because it takes a tenth of their iterations: for strongly compressed networks
 //! where plain Newton fails, its smaller increments mostly fail too. [`RveError::NotConverged`] lists the failure of
@@ -91,21 +91,12 @@ fn find<B: RealBackend>(
 ) -> Result<EquilibriumReport, RveError<B::Error>> {
     let report = EquilibriumReport { predicted: usize::from(rve.has_sensitivities()), ..EquilibriumReport::default() };
     let may_minimize = params.stages.has(Stage::Regularized);
-    let mut solver = EquilibriumSolver {
-        model,
-        target,
-        params,
-        workspace,
-        report,
-        failures: Vec::new(),
-        excessive_force: None,
-        may_minimize,
-    };
+    let mut solver = EquilibriumSolver { model, target, params, workspace, report, failures: Vec::new(), may_minimize };
     if params.stages.has(Stage::Newton) && solver.try_newton(rve) {
         return Ok(solver.report);
     }
-    if let Some(force) = solver.excessive_force {
-        return Err(RveError::ExcessiveForce(force));
+    if solver.has_excessive_force() {
+        return Err(solver.into_error());
     }
     // Newton may still succeed from the affine motion where it failed from the prediction.
     let sensitivities = rve.sensitivities.take();
@@ -115,20 +106,20 @@ fn find<B: RealBackend>(
             return Ok(solver.report);
         }
     }
-    if let Some(force) = solver.excessive_force.take().or_else(|| solver.excessive_affine_force(rve)) {
+    let affine = if solver.has_excessive_force() { None } else { solver.excessive_affine_force(rve) };
+    if let Some(force) = affine {
+        solver.record_failure(Stage::Newton, 0.0, StageError::ExcessiveForce(force));
+    }
+    if solver.has_excessive_force() {
         rve.sensitivities = sensitivities;
-        return Err(RveError::ExcessiveForce(force));
+        return Err(solver.into_error());
     }
     let start = rve.clone();
     if solver.try_remaining_stages(rve) {
         return Ok(solver.report);
     }
     *rve = Rve { sensitivities, ..start };
-    let EquilibriumSolver { failures, report, excessive_force, .. } = solver;
-    Err(match excessive_force {
-        Some(force) => RveError::ExcessiveForce(force),
-        None => RveError::NotConverged { failures, report: Box::new(report) },
-    })
+    Err(solver.into_error())
 }
 
 /// The outcome of Newton, plain or regularized.
@@ -145,8 +136,6 @@ struct EquilibriumSolver<'a, B: Backend> {
     workspace: &'a mut Workspace<B>,
     report: EquilibriumReport,
     failures: Vec<StageFailure<B::Error>>,
-    /// The excessive force of an equilibrium that a stage has reached; no further stage is then tried.
-    excessive_force: Option<ExcessiveForce>,
     /// Whether regularized Newton may be used to leave a saddle point.
     may_minimize: bool,
 }
@@ -186,10 +175,28 @@ impl<B: RealBackend> EquilibriumSolver<'_, B> {
 
     /// Tries the stages after the first.
     fn try_remaining_stages(&mut self, rve: &mut Rve) -> bool {
-        let tried = |this: &Self, stage| this.params.stages.has(stage) && this.excessive_force.is_none();
-        (tried(self, Stage::Regularized) && self.regularized(rve))
-            || (tried(self, Stage::Cuts) && self.params.max_cuts > 0 && self.solve_by_substepping(rve))
-            || (tried(self, Stage::Relaxation) && self.solve_by_relaxation(rve))
+        let may_try = |this: &Self, stage| this.params.stages.has(stage) && !this.has_excessive_force();
+        (may_try(self, Stage::Regularized) && self.regularized(rve))
+            || (may_try(self, Stage::Cuts) && self.params.max_cuts > 0 && self.solve_by_substepping(rve))
+            || (may_try(self, Stage::Relaxation) && self.solve_by_relaxation(rve))
+    }
+
+    /// Returns true if the last stage failed because of an excessive force; no further stage is then tried.
+    fn has_excessive_force(&self) -> bool {
+        self.failures.last().is_some_and(|failure| matches!(failure.reason, StageError::ExcessiveForce(_)))
+    }
+
+    fn into_error(mut self) -> RveError<B::Error> {
+        let report = Box::new(self.report);
+        match self.failures.pop() {
+            Some(StageFailure { reason: StageError::ExcessiveForce(force), .. }) => {
+                RveError::ExcessiveForce { force, report }
+            }
+            last => {
+                self.failures.extend(last);
+                RveError::NotConverged { failures: self.failures, report }
+            }
+        }
     }
 
     /// Applies ever smaller increments; `rve` follows the last increment that converged.
@@ -214,7 +221,7 @@ impl<B: RealBackend> EquilibriumSolver<'_, B> {
                     return self.record_success(Stage::Cuts);
                 }
             };
-            if self.report.cuts >= self.params.max_cuts || self.excessive_force.is_some() {
+            if self.report.cuts >= self.params.max_cuts || matches!(stopped, StageError::ExcessiveForce(_)) {
                 return self.record_failure(Stage::Cuts, reached, stopped);
             }
         }
@@ -223,7 +230,8 @@ impl<B: RealBackend> EquilibriumSolver<'_, B> {
     /// Solves one increment by Newton and, if that fails, by energy minimization.
     fn solve_substep(&mut self, rve: &mut Rve, target: &Matrix3<f64>) -> Staged<B> {
         match self.increment(rve, target) {
-            Err(_) if self.params.stages.has(Stage::Regularized) && self.excessive_force.is_none() => {
+            Err(StageError::ExcessiveForce(force)) => Err(StageError::ExcessiveForce(force)),
+            Err(_) if self.params.stages.has(Stage::Regularized) => {
                 self.workspace.set_initial_guess(self.model, rve, target);
                 self.descend(rve, target)
             }
@@ -272,7 +280,7 @@ impl<B: RealBackend> EquilibriumSolver<'_, B> {
     fn accept_if_stable(&mut self, rve: &mut Rve, target: &Matrix3<f64>, outcome: NewtonOutcome<B>) -> Staged<B> {
         let newton = self.count(outcome)?;
         let newton = self.stabilize(newton)?;
-        self.store_state(rve, target)?;
+        self.store_state(rve, target);
         Ok(newton)
     }
 
@@ -298,6 +306,8 @@ impl<B: RealBackend> EquilibriumSolver<'_, B> {
         /// A single minimization usually ends in a minimum.
         const MAX_SADDLES: usize = 10;
         for round in 0.. {
+            // Before the factorization, which such forces make inaccurate.
+            self.check_forces()?;
             let (mut problem, system) = Interior::of(self.model, self.workspace);
             let curvature = system.curvature(&mut problem, self.params.newton.tolerance)?;
             self.workspace.factor_is_exact = curvature == Curvature::Definite;
@@ -328,21 +338,22 @@ impl<B: RealBackend> EquilibriumSolver<'_, B> {
         Ok(newton)
     }
 
-    /// Stores the converged state in `rve`, unless a fiber force is excessive.
-    fn store_state(&mut self, rve: &mut Rve, target: &Matrix3<f64>) -> Result<(), StageError<B::Error>> {
+    /// Checks that no fiber of the converged state in the workspace has an excessive force.
+    fn check_forces(&self) -> Result<(), StageError<B::Error>> {
         let fiber = self.model.truss().max_relative_force(&self.workspace.states);
-        if let Some(fiber) = fiber.filter(|fiber| fiber.2 >= ExcessiveForce::THRESHOLD) {
-            let force = ExcessiveForce::of(fiber);
-            self.excessive_force = Some(force.clone());
-            return Err(StageError::ExcessiveForce(force));
+        match fiber.filter(|fiber| fiber.2 >= ExcessiveForce::THRESHOLD) {
+            Some(fiber) => Err(StageError::ExcessiveForce(ExcessiveForce::of(fiber))),
+            None => Ok(()),
         }
+    }
+
+    fn store_state(&self, rve: &mut Rve, target: &Matrix3<f64>) {
         rve.gradient = *target;
         rve.network = self.model.fingerprint;
         rve.clear_sensitivities();
         for (x, &node) in rve.interior.iter_mut().zip(self.model.network().interior()) {
             *x = self.workspace.positions[node as usize];
         }
-        Ok(())
     }
 
     /// Solves the rest of the increment by dynamic relaxation, and the last digits by the stage of the
@@ -361,7 +372,7 @@ impl<B: RealBackend> EquilibriumSolver<'_, B> {
                 Stage::Newton => self.newton(rve, self.target),
                 _ => self.descend(rve, self.target),
             };
-            if finished.is_ok() || self.excessive_force.is_some() {
+            if matches!(finished, Ok(_) | Err(StageError::ExcessiveForce(_))) {
                 return self.record(Stage::Relaxation, finished);
             }
             self.workspace.positions = before;
@@ -373,7 +384,10 @@ impl<B: RealBackend> EquilibriumSolver<'_, B> {
         }
         let RelaxationReport { residual, relative, .. } = self.report.relaxation;
         let alone = NewtonReport { residuals: vec![residual], relative: vec![relative], ..NewtonReport::default() };
-        let outcome = self.stabilize(alone).and_then(|newton| self.store_state(rve, self.target).map(|()| newton));
+        let outcome = self.stabilize(alone);
+        if outcome.is_ok() {
+            self.store_state(rve, self.target);
+        }
         self.record(Stage::Relaxation, outcome)
     }
 

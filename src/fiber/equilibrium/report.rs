@@ -94,7 +94,8 @@ pub enum StageError<F: std::error::Error + 'static> {
     /// of the stiffness, if the backend counts them.
     #[error("the equilibrium found is unstable{}", format_negative_pivots(*.0))]
     Unstable(Option<usize>),
-    /// The stage reached an equilibrium with an excessive force.
+    /// The stage reached an equilibrium with an excessive force; [`RveError::ExcessiveForce`] then replaces the failures
+    /// of the stages.
     #[error(transparent)]
     ExcessiveForce(ExcessiveForce),
 }
@@ -152,8 +153,13 @@ pub enum RveError<F: std::error::Error + 'static> {
     State(#[from] RveStateError),
     /// The affine motion or an equilibrium found has a fiber force so large that an equilibrium cannot be
     /// distinguished from rounding.
-    #[error(transparent)]
-    ExcessiveForce(ExcessiveForce),
+    #[error("{force}")]
+    ExcessiveForce {
+        /// The force.
+        force: ExcessiveForce,
+        /// Statistics up to the failure.
+        report: Box<EquilibriumReport>,
+    },
     /// The tangent could not be condensed.
     #[error("the condensed tangent could not be computed: {0}")]
     Tangent(#[from] SolveError<F>),
@@ -196,11 +202,19 @@ fn format_failures<F: std::error::Error + 'static>(failures: &[StageFailure<F>])
 }
 
 impl<F: std::error::Error + 'static> RveError<F> {
+    /// Returns the statistics up to the failure of the solve; `None` if it did not start, or did not fail.
+    pub fn report(&self) -> Option<&EquilibriumReport> {
+        match self {
+            Self::NotConverged { report, .. } | Self::ExcessiveForce { report, .. } => Some(report),
+            Self::Inverted(_) | Self::Workspace | Self::State(_) | Self::Tangent(_) => None,
+        }
+    }
+
     /// Returns true if the last stage failed because of a singular or unsolvable linear system, and not because the
     /// state is hard to reach.
     pub fn is_linear(&self) -> bool {
         match self {
-            Self::Inverted(_) | Self::Workspace | Self::State(_) | Self::ExcessiveForce(_) => false,
+            Self::Inverted(_) | Self::Workspace | Self::State(_) | Self::ExcessiveForce { .. } => false,
             Self::Tangent(_) => true,
             Self::NotConverged { failures, .. } => failures
                 .last()
@@ -211,7 +225,7 @@ impl<F: std::error::Error + 'static> RveError<F> {
     /// Returns true if the linear-algebra library itself failed.
     pub fn is_backend_error(&self) -> bool {
         match self {
-            Self::Inverted(_) | Self::Workspace | Self::State(_) | Self::ExcessiveForce(_) => false,
+            Self::Inverted(_) | Self::Workspace | Self::State(_) | Self::ExcessiveForce { .. } => false,
             Self::Tangent(error) => matches!(error, SolveError::Backend(_) | SolveError::Library { .. }),
             Self::NotConverged { failures, .. } => failures.last().is_some_and(|failure| {
                 matches!(

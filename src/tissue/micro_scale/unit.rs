@@ -294,7 +294,7 @@ impl Fibers {
         let mut solved = match equilibrate(model, &mut self.current, gradient, &library.params, workspace) {
             Ok(solved) => solved,
             Err(error) => {
-                if let RveError::NotConverged { report, .. } = &error {
+                if let Some(report) = error.report() {
                     stats.count(report);
                 }
                 return Err(error.into());

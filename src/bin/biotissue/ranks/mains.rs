@@ -4,8 +4,9 @@ use std::sync::OnceLock;
 
 use biotissue::app::macro_scale;
 use biotissue::app::run::{RootWriter, Setup, WriterGroup};
+use biotissue::backends::BackendName;
 use biotissue::coupling::{ScaleError, Scales};
-use biotissue::las::{Comm, RealBackend};
+use biotissue::las::Comm;
 use biotissue::tissue::micro_scale::Library;
 use biotissue::tissue::two_scale::{self, BodySolve, MACRO, MICRO, ScaleField, TwoScaleError};
 
@@ -16,19 +17,6 @@ use crate::failure::Failure;
 use crate::output;
 use crate::run::take_steps;
 
-/// The backend of RVEs on ranks of their own unless the dense one is requested; it runs on a single rank, also if the
-/// body uses PETSc.
-#[cfg(feature = "sparse")]
-type Micro = biotissue::backends::sparse::Sparse;
-#[cfg(all(feature = "dense", not(feature = "sparse")))]
-type Micro = biotissue::backends::dense::Dense;
-
-/// Returns true if `name` is the dense backend.
-#[cfg(feature = "dense")]
-fn is_dense(name: Option<&str>) -> bool {
-    name == Some(biotissue::backends::BackendName::Dense.as_str())
-}
-
 /// Runs the main function of the scale that this rank belongs to.
 pub(super) fn on_scale<C: Ranks>(
     world: &C,
@@ -36,11 +24,11 @@ pub(super) fn on_scale<C: Ranks>(
     run: &RunContext<'_>,
 ) -> Result<Option<Outcome>, Failure> {
     match scales.name(scales.own()) {
-        #[cfg(feature = "dense")]
-        MICRO if is_dense(run.backend) => {
-            return run_micro::<biotissue::backends::dense::Dense, C>(world, scales, run);
+        MICRO => {
+            // PETSc solves only for the body, on all its ranks.
+            let backend = run.backend.filter(|&name| name != BackendName::Petsc.as_str());
+            return dispatch(backend, MicroRank { world, scales, run });
         }
-        MICRO => return run_micro::<Micro, C>(world, scales, run),
         MACRO => {}
         other => return Err(ranks_failed(&ScaleError::NoMain(other.to_owned()))),
     }
@@ -63,26 +51,34 @@ fn run_distributed<C: Ranks>(world: &C, scales: &Scales<C>, run: &RunContext<'_>
     Ok((scales.comm().rank() == 0).then_some(outcome))
 }
 
-fn run_micro<M: RealBackend<Context = ()>, C: Ranks>(
-    world: &C,
-    scales: &Scales<C>,
-    run: &RunContext<'_>,
-) -> Result<Option<Outcome>, Failure> {
-    let read = Library::<M>::read((), run.case.materials());
-    // The macro scale reads the same files and reports their errors.
-    let read = read.map_err(|error| ranks_failed(&error));
-    if let Ok((library, _)) = agreed(world, read)? {
-        two_scale::run_micro(scales, library, run.case.output.rve.clone()).map_err(|error| ranks_failed(&error))?;
-    }
-    Ok(None)
-}
-
 fn run_follower<C: Ranks>(world: &C, scales: &Scales<C>, run: &RunContext<'_>) -> Result<Option<Outcome>, Failure> {
     let mesh = macro_scale::mesh(&run.case).map_err(|error| ranks_failed(&error));
     if let Ok((mesh, _)) = agreed(world, mesh)? {
         two_scale::follow(scales, &mesh).map_err(|error| ranks_failed(&error))?;
     }
     Ok(None)
+}
+
+/// A rank of the micro scale.
+struct MicroRank<'a, C: Comm> {
+    world: &'a C,
+    scales: &'a Scales<C>,
+    run: &'a RunContext<'a>,
+}
+
+impl<C: Ranks> Job for MicroRank<'_, C> {
+    type Output = Option<Outcome>;
+
+    fn run<B: ProgramBackend>(self, _: B::Context) -> Result<Self::Output, Failure> {
+        let Self { world, scales, run } = self;
+        let read = Library::<B::Micro>::read((), run.case.materials());
+        // The macro scale reads the same files and reports their errors.
+        let read = read.map_err(|error| ranks_failed(&error));
+        if let Ok((library, _)) = agreed(world, read)? {
+            two_scale::run_micro(scales, library, run.case.output.rve.clone()).map_err(|error| ranks_failed(&error))?;
+        }
+        Ok(None)
+    }
 }
 
 /// A rank of the macro scale that solves for the body.
@@ -96,25 +92,12 @@ struct MacroRank<'a, C: Comm> {
 impl<C: Ranks> Job for MacroRank<'_, C> {
     type Output = Outcome;
 
+    /// Runs with the body on backend `B`. An outer error is one unknown to the other ranks.
     fn run<B: ProgramBackend>(self, context: B::Context) -> Result<Self::Output, Failure> {
-        #[cfg(feature = "dense")]
-        if is_dense(Some(B::NAME)) {
-            return self.run_with::<B, biotissue::backends::dense::Dense>(context);
-        }
-        self.run_with::<B, Micro>(context)
-    }
-}
-
-impl<C: Ranks> MacroRank<'_, C> {
-    /// Runs with the body on backend `B` and the RVEs on `M`. An outer error is one unknown to the other ranks.
-    fn run_with<B: ProgramBackend, M: RealBackend<Context = ()>>(
-        self,
-        context: B::Context,
-    ) -> Result<Outcome, Failure> {
         let Self { world, scales, run, body_solve } = self;
         let case = run.case.clone();
         let (file, micro) = (case.file.clone(), case.micro);
-        let setup = Setup::<B, ScaleField<'_, C, M>>::with_material(context, case, |case, mesh| {
+        let setup = Setup::<B, ScaleField<'_, C, B::Micro>>::with_material(context, case, |case, mesh| {
             ScaleField::new((scales, body_solve), (), case.materials(), mesh)
         });
         let setup = setup.map_err(|error| not_set_up(&file, &micro, error));

@@ -67,10 +67,7 @@ impl Job for RveJob {
                 (report, state.map_err(|error| self.increments().response_failure(&error)))
             }
             Err(failed) => {
-                let report = match &failed.error {
-                    RveError::NotConverged { report, .. } => (**report).clone(),
-                    _ => EquilibriumReport::default(),
-                };
+                let report = failed.error.report().cloned().unwrap_or_default();
                 (report, Err(self.increments().increment_failure(&failed)))
             }
         };
