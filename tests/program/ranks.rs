@@ -402,7 +402,7 @@ mod processes {
     fn ended_in_time((above, below): (usize, usize), options: &str, hanging: usize) -> String {
         let _turn = one_at_a_time();
         let folder = tempfile::tempdir().unwrap();
-        let text = with_scales(&coarse_dogbone().replace("count = 3", "count = 2000"), (above, below));
+        let text = with_scales(&coarse_dogbone().replace("count = 2", "count = 2000"), (above, below));
         write_case(folder.path(), "case.toml", &text);
         let options = format!("--time-out 10 {options}");
         let (message, taken) = ended_by("-STOP", hanging, folder.path(), above + below, &options);
