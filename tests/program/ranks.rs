@@ -378,7 +378,7 @@ mod processes {
         let steps = || std::fs::read_to_string(folder.join("out/loads.csv")).map_or(1, |text| text.lines().count()) - 1;
         let before = steps();
         let mut command = launched(folder, ranks, &format!("run case.toml --out out {options}"));
-        let run = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+        let mut run = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
         let start = Instant::now();
         while steps() < before + 2 {
             assert!(start.elapsed() < Duration::from_secs(300), "no step converges");
@@ -388,10 +388,13 @@ mod processes {
         let send = |signal: &str| Command::new("kill").args([signal, &process]).stderr(Stdio::null()).status().unwrap();
         assert!(send(signal).success());
         let sent = Instant::now();
+        while run.try_wait().unwrap().is_none() && sent.elapsed() < Duration::from_secs(120) {
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        // A run that does not end in time would block the tests.
+        send("-KILL");
         let ended = run.wait_with_output().unwrap();
         let taken = sent.elapsed();
-        // The launcher may have left the process running.
-        send("-KILL");
         assert!(!ended.status.success());
         assert!(steps() >= before + 2);
         (String::from_utf8_lossy(&ended.stderr).into_owned(), taken)
