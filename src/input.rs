@@ -1,5 +1,4 @@
-//! Errors in input files: the position, the problem, the expected content, and the cure, which the message shows as
-//! `cure`.
+//! Errors in input files: the position, the problem, the expected content, and the cure.
 
 use std::fmt::{self, Write as _};
 use std::path::{Path, PathBuf};

@@ -5,13 +5,14 @@ use std::sync::Arc;
 
 use crate::las::{FactorReport, Scalar, SolveError, SolverParams, Sparsity};
 
-/// Returns the fraction of the largest pivot below which the smallest counts as zero if only pivots are examined.
+/// Returns the ratio of the smallest to the largest pivot below which the matrix counts as singular if only pivots are
+/// examined.
 pub(super) fn singular_limit<T: Scalar>(params: &SolverParams) -> f64 {
     params.singular_below.unwrap_or(4.0 * T::epsilon().as_f64())
 }
 
-/// Returns the fraction of the largest pivot below which the smallest makes the matrix singular without a search for a
-/// null vector.
+/// Returns the ratio of the smallest to the largest pivot below which the matrix counts as singular without a search
+/// for a null vector.
 pub(super) fn immediate_singular_limit(params: &SolverParams) -> f64 {
     params.singular_below.unwrap_or(f64::MIN_POSITIVE)
 }

@@ -66,7 +66,7 @@ pub fn principal(tensor: &Matrix3<f64>) -> (Vector3<f64>, f64) {
     (direction * sign, eigen.eigenvalues[largest])
 }
 
-/// The second-order parameter `P2 = (3 a . Omega a - 1)/2` of an orientation tensor about a unit vector `a`: 1 if all
+/// The order parameter `P2 = (3 a . Omega a - 1)/2` of an orientation tensor about a unit vector `a`: 1 if all
 /// fibers are parallel to it, 0 if they are isotropic, -1/2 if all are normal to it.
 pub fn second_order_parameter(tensor: &Matrix3<f64>, axis: &Vector3<f64>) -> f64 {
     1.5 * axis.dot(&(tensor * axis)) - 0.5

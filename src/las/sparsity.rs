@@ -41,7 +41,8 @@ pub enum SparsityError {
         /// Row.
         row: usize,
     },
-    /// The entries, the unknowns, or the unknowns summed over the elements exceed what 32-bit signed indices can address.
+    /// The entries, the unknowns, or the unknowns summed over the elements exceed what 32-bit signed indices can
+    /// address.
     #[error("{0} is more than the 2147483647 that 32-bit indices can address")]
     TooLarge(usize),
 }

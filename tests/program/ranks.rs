@@ -20,10 +20,13 @@ fn coarse_dogbone() -> String {
         ("tolerance = 1e-10", "tolerance = 1e-12".into()),
         ("2.5e4", "5.0e3".into()),
     ];
-    replacements.iter().fold(text, |text, (before, after)| {
-        assert!(text.contains(before), "{before}");
-        text.replace(before, after)
-    })
+    replacements.iter().fold(text, |text, (before, after)| replaced(&text, before, after))
+}
+
+/// Replaces a part of a text that must contain it.
+fn replaced(text: &str, before: &str, after: &str) -> String {
+    assert!(text.contains(before), "{before}");
+    text.replace(before, after)
 }
 
 fn with_scales(text: &str, (above, below): (usize, usize)) -> String {
@@ -391,8 +394,9 @@ mod processes {
         while run.try_wait().unwrap().is_none() && sent.elapsed() < Duration::from_secs(120) {
             std::thread::sleep(Duration::from_millis(20));
         }
-        // A run that does not end in time would block the tests.
+        // A stopped process may outlive its launcher, and a run that does not end would block the tests.
         send("-KILL");
+        let _ = run.kill();
         let ended = run.wait_with_output().unwrap();
         let taken = sent.elapsed();
         assert!(!ended.status.success());
@@ -405,7 +409,7 @@ mod processes {
     fn ended_in_time((above, below): (usize, usize), options: &str, hanging: usize) -> String {
         let _turn = one_at_a_time();
         let folder = tempfile::tempdir().unwrap();
-        let text = with_scales(&coarse_dogbone().replace("count = 2", "count = 2000"), (above, below));
+        let text = with_scales(&replaced(&coarse_dogbone(), "count = 2", "count = 2000"), (above, below));
         write_case(folder.path(), "case.toml", &text);
         let options = format!("--time-out 10 {options}");
         let (message, taken) = ended_by("-STOP", hanging, folder.path(), above + below, &options);
@@ -420,7 +424,7 @@ mod processes {
     fn a_run_with_a_killed_rank_can_be_resumed() {
         let _turn = one_at_a_time();
         let folder = tempfile::tempdir().unwrap();
-        let text = fibers(&frozen()).replace("count = 2", "count = 300");
+        let text = replaced(&fibers(&frozen()), "count = 2", "count = 300");
         run(folder.path(), &text, "--out alone").done();
         write_case(folder.path(), "case.toml", &with_scales(&text, (1, 2)));
         for (rank, options) in [(2, ""), (0, "--resume")] {

@@ -28,7 +28,7 @@ pub struct Directory {
     pub fields: Vec<Entry>,
 }
 
-/// One converged load step or substep, with its data from the log and from the table of loads.
+/// One converged load step, with its data from the log and from the table of loads.
 #[derive(Clone, Copy, Debug)]
 pub struct Increment<'a> {
     /// The load step.

@@ -42,12 +42,12 @@ pub fn clear_unfinished(dir: &Path) -> Result<(), ResultsError> {
     remove_as(&dir.join(FAILED_RVE_FOLDER), |name, unfinished| unfinished && is_lost(name))
 }
 
-/// Returns true for a file of fields.
+/// Returns true if `name` is that of a file of fields.
 fn is_fields(name: &str) -> bool {
     FileName::parse(name).is_some_and(FileName::is_fields)
 }
 
-/// Returns true for a network or a collection of networks.
+/// Returns true if `name` is that of a network file or of a collection of them.
 fn is_networks(name: &str) -> bool {
     FileName::parse(name).is_some_and(FileName::is_networks)
 }

@@ -46,7 +46,7 @@ pub enum ResultsError {
     Length {
         /// The file that was to be written.
         path: PathBuf,
-        /// The name of the field, or the kind of columns.
+        /// The name of the field or argument, or the kind of columns.
         name: String,
         /// Number of values given.
         found: usize,

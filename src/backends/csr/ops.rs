@@ -5,7 +5,8 @@ use crate::backends::local::{self, NOT_FOUND, find};
 use crate::las::Value;
 
 impl<T: Value> Matrix<T> {
-    /// Calls `visit(entry, value of the block)` for every pair of indices of a block that is in the pattern.
+    /// Calls `visit(entry, value of the block)` for every entry of a block whose position is in the
+    /// pattern.
     #[inline(always)]
     pub(in crate::backends) fn scatter(
         &mut self,

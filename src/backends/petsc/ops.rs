@@ -109,7 +109,7 @@ impl Matrix {
     }
 }
 
-/// Returns the error that the size of a block does not match its indices.
+/// Returns the error for a block whose size does not match its indices.
 #[cold]
 fn size_differs(pairs: usize, found: usize) -> PetscError {
     PetscError::found(ffi::ERR_ARG_SIZ, "", format!("{found} values for {pairs} pairs of row and column"))

@@ -153,8 +153,8 @@ impl Drop for Running {
         // If the program has already finalized MPI, PETSc can no longer be finalized.
         if !is_finalized() {
             let _alone = lock();
-            // SAFETY: initialized by `Session::new`; every object of the session held it, so that none is left. An
-            // error cannot be reported here.
+            // SAFETY: initialized by `Session::new`; every PETSc object holds its session, so no object exists
+            // any more. An error cannot be reported here.
             unsafe {
                 ffi::PetscPopErrorHandler();
                 ffi::PetscFinalize();

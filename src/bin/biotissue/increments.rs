@@ -151,8 +151,11 @@ impl Increments<'_> {
             (
                 "fiber forces below 1e12 times the stiffness of the fiber at rest",
                 match self.replayed {
-                    // The forces of an equilibrium do not depend on increments and stages.
-                    true => format!("check the law and the deformation of the run that wrote it ({units})"),
+                    // Other stages reach the same equilibrium.
+                    true => format!(
+                        "check the law and the deformation of the run that wrote it ({units}); else use smaller \
+                         increments in that run"
+                    ),
                     false => format!("check the law and F ({units}); else {advice}"),
                 },
             )

@@ -14,8 +14,8 @@
 //!    one of the stages above for the last digits.
 //!
 //! Only stable equilibria, that is, minima of the energy, are accepted. Every state that a stage reaches, including an
-//! unchanged initial state, is tested by one Cholesky factorization of its stiffness, and the tangent uses that factor.
-//! If the factorization fails, the state is one of the following:
+//! unchanged initial state, is tested after the check of the fiber forces (below) by one Cholesky factorization of its
+//! stiffness, and the tangent uses that factor. If the factorization fails, the state is one of the following:
 //!
 //! * *Neutral*: Cholesky succeeds after a small shift of the diagonal, 1e-9 of its largest entry with the default
 //!   tolerance ([`Curvature::Neutral`]). Some motions meet no resistance, as in a floppy network at rest; the state is
@@ -25,10 +25,11 @@
 //!   there; the minimum is the equilibrium. If [`Stage::Regularized`] is not among the stages, no minimization is
 //!   available and the stage fails ([`StageError::Unstable`]).
 //!
-//! A fiber force is *excessive* if it is not finite or at least [`ExcessiveForce::THRESHOLD`] times the stiffness of the
-//! fiber at rest. The solve ends with [`RveError::ExcessiveForce`] in two cases: a stage reaches an equilibrium with such
-//! a force; or Newton fails for the whole increment, and the affine motions to the target and to half of the increment
-//! both have such a force. In the second case a smaller increment may succeed.
+//! A fiber force is *excessive* if it is not finite or at least [`ExcessiveForce::THRESHOLD`] times the stiffness of
+//! the fiber at rest. The solve ends with [`RveError::ExcessiveForce`] in two cases: a stage reaches an equilibrium,
+//! stable or not, with such a force; or Newton fails for the whole increment or is not selected, and the affine motions
+//! to the target and to half of the increment both have such a force. In the second case a smaller increment may
+//! succeed.
 //!
 //! Energy minimization precedes the cuts because it takes a tenth of their iterations: for strongly compressed networks
 //! where plain Newton fails, its smaller increments mostly fail too. [`RveError::NotConverged`] lists the failure of

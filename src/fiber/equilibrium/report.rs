@@ -94,8 +94,8 @@ pub enum StageError<F: std::error::Error + 'static> {
     /// of the stiffness, if the backend counts them.
     #[error("the equilibrium found is unstable{}", format_negative_pivots(*.0))]
     Unstable(Option<usize>),
-    /// The stage reached an equilibrium with an excessive force; [`RveError::ExcessiveForce`] then replaces the failures
-    /// of the stages.
+    /// The affine motion, or an equilibrium that the stage reached, has an excessive force. Never part of
+    /// [`RveError::NotConverged`]: the solve returns [`RveError::ExcessiveForce`] instead.
     #[error(transparent)]
     ExcessiveForce(ExcessiveForce),
 }
@@ -202,7 +202,8 @@ fn format_failures<F: std::error::Error + 'static>(failures: &[StageFailure<F>])
 }
 
 impl<F: std::error::Error + 'static> RveError<F> {
-    /// Returns the statistics up to the failure of the solve; `None` if it did not start, or did not fail.
+    /// Returns the statistics up to the failure of the solve; `None` for errors found before the solve, and for
+    /// [`Self::Tangent`], which follows a successful solve.
     pub fn report(&self) -> Option<&EquilibriumReport> {
         match self {
             Self::NotConverged { report, .. } | Self::ExcessiveForce { report, .. } => Some(report),

@@ -20,8 +20,8 @@ pub struct Exponential {
 
 impl Exponential {
     /// Number of panels of eight Gauss points for a relative error below 1e-15: on each panel the exponent
-    /// `B (t^2 - 1) / 2` grows by at most about 1, and its curvature is negligible. The limit is reached far beyond the
-    /// stretch at which the exponential overflows.
+    /// `B (t^2 - 1) / 2` grows by at most about 1, and its curvature is negligible. The maximum of 4001 panels is
+    /// reached only far beyond the stretch at which the exponential overflows.
     #[inline(always)]
     fn panels(&self, stretch: f64) -> f64 {
         let strain = stretch - 1.0;

@@ -1,4 +1,4 @@
-//! Long rows of numbers as one block of bytes, at the cost of a copy.
+//! Serialization of rows of numbers as one block of bytes, about as fast as copying them.
 
 use std::fmt;
 use std::marker::PhantomData;
@@ -66,7 +66,7 @@ mod tests {
         assert_eq!(bytes.len(), 1 + 48);
         assert_eq!(bytes[1..9], 1.0_f64.to_le_bytes());
         assert_eq!(postcard::from_bytes::<Raw<[f64; 3], 8>>(&bytes).unwrap(), rows);
-        // Seven bytes are not a row.
+        // A length of seven is not a multiple of the 24 bytes of a row.
         assert!(postcard::from_bytes::<Raw<[f64; 3], 8>>(&[7, 1, 2, 3, 4, 5, 6, 7]).is_err());
     }
 }

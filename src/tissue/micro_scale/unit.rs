@@ -77,13 +77,13 @@ pub enum UnitError<F: std::error::Error + 'static> {
 /// Counters of the solves of RVEs in one or more updates.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct RveStats {
-    /// Equilibria computed.
+    /// Equilibrium solves, including those that failed.
     pub solves: usize,
     /// Responses reused because the gradient had not changed.
     pub reused: usize,
     /// Newton iterations in total.
     pub iterations: usize,
-    /// Most Newton iterations of one equilibrium.
+    /// Most Newton iterations of one solve.
     pub most_iterations: usize,
     /// Halvings of an increment.
     pub cuts: usize,
@@ -91,7 +91,7 @@ pub struct RveStats {
     pub line_search_cuts: usize,
     /// LDL^T factorizations, needed if the stiffness is not positive definite.
     pub indefinite: usize,
-    /// Equilibria that started from a first-order prediction.
+    /// Solves that started from a first-order prediction.
     pub predicted: usize,
     /// Equilibria reached by cut increments after the whole increment failed.
     pub by_cuts: usize,

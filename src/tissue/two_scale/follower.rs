@@ -28,7 +28,7 @@ pub(super) enum FollowerCommand {
     End,
 }
 
-/// The main function of the other ranks of the macro scale: carries out the commands of the root.
+/// The main function of the ranks of the macro scale other than the root: carries out the commands of the root.
 ///
 /// # Errors
 /// Returns [`TwoScaleError`] if communication fails or a message does not follow the protocol.

@@ -45,7 +45,7 @@ pub(super) struct MicroProxy<'a, C: Comm> {
     iterations: Vec<Vec<RankTimes>>,
     /// The time up to which `between` counts.
     since: Instant,
-    /// Times since the last trial state, counted at the next one.
+    /// Times since the last trial state, to be added to those of the next one.
     between: RankTimes,
 }
 

@@ -47,7 +47,7 @@ struct MicroSide<'a, C: Comm, B: Backend> {
     failed: Option<PointFailure>,
     /// Times per trial state of the step.
     times: Vec<RankTimes>,
-    /// Times since the last responses were sent, counted at the next ones.
+    /// Times since the last responses were sent, to be added to those of the next trial state.
     between: RankTimes,
 }
 

@@ -156,7 +156,7 @@ fn outcome(directory: &Directory, run: &Run) -> String {
         }
         Some(end) => {
             let reason = end.reason.as_deref().unwrap_or("no reason was written");
-            ("state failed", format!("Did not converge after {increments} load step{plural}: {reason}."))
+            ("state failed", format!("Failed after {increments} converged load step{plural}: {reason}."))
         }
         None => ("state", format!("{increments} load step{plural} so far; the run has not ended yet.")),
     };

@@ -153,8 +153,8 @@ unsafe impl Send for MpiSendRequest {}
 
 impl Drop for MpiSendRequest {
     fn drop(&mut self) {
-        // No caller waits for this message any more. Waiting here could block forever: a rank that fails must reach the
-        // point where it ends the others. Memory that MPI may still read is leaked.
+        // No caller waits for this message any more. A failing rank drops its requests before it aborts the other
+        // ranks, so waiting here could block forever. Memory that MPI may still read is leaked.
         if !self.requests.abandon() {
             std::mem::forget(std::mem::take(&mut self.message));
         }

@@ -25,7 +25,8 @@ pub(super) fn on_scale<C: Ranks>(
 ) -> Result<Option<Outcome>, Failure> {
     match scales.name(scales.own()) {
         MICRO => {
-            // PETSc solves only for the body, on all its ranks.
+            // PETSc solves only for the body, on all its ranks. The RVEs then use the first compiled backend, which
+            // `ProgramBackend::Micro` of PETSc must equal.
             let backend = run.backend.filter(|&name| name != BackendName::Petsc.as_str());
             return dispatch(backend, MicroRank { world, scales, run });
         }
@@ -33,7 +34,7 @@ pub(super) fn on_scale<C: Ranks>(
         other => return Err(ranks_failed(&ScaleError::NoMain(other.to_owned()))),
     }
     #[cfg(feature = "petsc")]
-    if run.backend == Some(biotissue::backends::BackendName::Petsc.as_str()) {
+    if run.backend == Some(BackendName::Petsc.as_str()) {
         return run_distributed(world, scales, run);
     }
     match scales.comm().rank() {

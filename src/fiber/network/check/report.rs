@@ -76,7 +76,7 @@ pub struct NetworkReport {
     /// The direction along which most fibers lie: the eigenvector of `orientation` with the largest eigenvalue, signed
     /// such that its largest component is positive.
     pub principal_direction: [f64; 3],
-    /// The second-order parameter `P2 = (3 <cos^2 theta> - 1)/2` of the angles `theta` between the fibers and the
+    /// The order parameter `P2 = (3 <cos^2 theta> - 1)/2` of the angles `theta` between the fibers and the
     /// principal direction: 0 for isotropic fibers, 1 for parallel ones.
     pub order: f64,
     /// `order` with every fiber weighted by its length.
@@ -86,7 +86,7 @@ pub struct NetworkReport {
 }
 
 impl NetworkReport {
-    /// Returns the second-order parameter about a unit vector: with equal weights, and weighted by length.
+    /// Returns the order parameter about a unit vector: with equal weights, and weighted by length.
     pub fn order_about(&self, axis: [f64; 3]) -> [f64; 2] {
         [self.orientation, self.orientation_by_length]
             .map(|tensor| second_order_parameter(&Matrix3::from(tensor), &axis.into()))

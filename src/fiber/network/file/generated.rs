@@ -17,7 +17,7 @@ pub struct Generated {
     /// The preferred direction of the fibers, as given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub align: Option<[f64; 3]>,
-    /// The requested second-order parameter.
+    /// The requested order parameter.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub strength: Option<f64>,
     /// Nodes joined by a fiber shorter than this fraction of the mean spacing of the points were merged.

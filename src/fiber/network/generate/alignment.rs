@@ -8,7 +8,7 @@
 //! <cos^2 theta> = (1 + e)/e (1 - atan(sqrt e)/sqrt e)        P2 = (3 <cos^2 theta> - 1)/2
 //! ```
 //!
-//! `P2`, the second-order parameter of liquid crystals, is 0 for isotropic and 1 for parallel fibers. The stretch is
+//! `P2`, the second-rank (nematic) order parameter, is 0 for isotropic and 1 for parallel fibers. The stretch is
 //! applied to the space in which points are triangulated, not to the points, which stay uniform in the cube.
 
 use super::GenerateError;
@@ -25,7 +25,7 @@ pub struct Alignment {
 }
 
 impl Alignment {
-    /// Creates an alignment along a `direction` of any positive length. The `strength` is the second-order parameter
+    /// Creates an alignment along a `direction` of any positive length. The `strength` is the order parameter
     /// `P2` of the fibers, each counted with the same weight, from 0 (isotropic) to [`MAX_STRENGTH`].
     ///
     /// # Errors
@@ -56,7 +56,7 @@ impl Alignment {
         [x / norm, y / norm, z / norm]
     }
 
-    /// Returns the requested second-order parameter.
+    /// Returns the requested order parameter.
     pub fn strength(&self) -> f64 {
         self.strength
     }

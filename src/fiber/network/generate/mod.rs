@@ -68,7 +68,7 @@ pub enum GenerateError {
     /// The strength of the alignment is out of range.
     #[error("the strength of the alignment is {strength}; it must be from 0 (isotropic) to {most}")]
     Strength {
-        /// The requested second-order parameter.
+        /// The requested order parameter.
         strength: f64,
         /// The maximum.
         most: f64,

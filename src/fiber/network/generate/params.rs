@@ -75,7 +75,7 @@ pub struct GeneratorParams {
     /// few fibers.
     pub merge_length: f64,
     /// The preferred direction of the fibers. The strength is that of the network that extends beyond the cube; fibers
-    /// along the axis are cut at the faces more often, so that the second-order parameter of a network of few points,
+    /// along the axis are cut at the faces more often, so that the order parameter of a network of few points,
     /// with equal weights, exceeds the strength by some hundredths.
     pub alignment: Option<Alignment>,
     /// Fibers shorter than this fraction of the cube's edge are removed, together with fibers that dangle or lose their

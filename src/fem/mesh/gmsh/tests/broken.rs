@@ -4,7 +4,7 @@ use super::super::{Version, WriteOptions, to_writer};
 use super::{TEXT_2, TEXT_4, read, with};
 use crate::fem::mesh::shapes::cuboid;
 
-// Expected contents and hints.
+// Expected contents and cures.
 const DAMAGED: &str = "the file is damaged or was changed by hand: export it again";
 const NODE: &str = "a node: its number and its x, y and z";
 const LINE_END: &str = "a new line";

@@ -15,7 +15,8 @@ use crate::las::{Backend, RealBackend, SolveError, Solver, VectorOps};
 
 /// Maximum number of zero modes for which a basis is computed.
 const MAX_BASIS: usize = 400;
-/// Number of random vectors of the estimate, whose relative standard deviation is about `sqrt(2 / (3 PROBES))`.
+/// Number of random vectors of the estimate, whose relative standard deviation is about `sqrt(2 / (r PROBES))` for a
+/// node that moves in `r` directions.
 const PROBES: usize = 64;
 /// Number of right-hand sides per solve.
 const BATCH: usize = 16;
