@@ -1,7 +1,7 @@
 //! One RVE on one core: equilibrium and tangent as a whole, and the phases of a Newton iteration.
 //!
 //! Run by `cargo bench --package benches --bench rve`, with `BIOTISSUE_NETWORKS` set to the folder of the published
-//! networks; without it only generated networks and those of the dogbone example are timed. `docs/kernel.md` lists such
+//! networks; without it only generated networks and one of the dogbone example are timed. `docs/kernel.md` lists such
 //! times, compared with those of other direct solvers.
 
 use std::hint::black_box;

@@ -6,10 +6,10 @@
 //! mpirun -n 4 target/release/examples/large_network --against stress.txt
 //! ```
 //!
-//! prints the stress and the times of all phases. `--points N` (15 000) sets the size of the network, `--parts N` (2)
-//! the number of increments, `--seconds N` (900) the time limit: the program fails if the limit is exceeded before an
-//! increment starts. `--keep FILE` writes the stress; `--against FILE` fails if the stress differs by 1e-9 or more,
-//! relative to its largest entry.
+//! The program prints the stress and the times of all phases. `--points N` (15 000) sets the size of the network,
+//! `--parts N` (2) the number of increments, `--seconds N` (900) the time limit: the program fails if the limit is
+//! exceeded before an increment starts. With `--keep FILE` it writes the stress; with `--against FILE` it fails if the
+//! stress differs from the file by 1e-9 or more, relative to its largest entry.
 
 use std::sync::Arc;
 use std::time::Instant;

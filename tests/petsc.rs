@@ -548,7 +548,7 @@ where
 }
 
 /// For a network of several thousand fibers on any number of ranks, the stress agrees with that of the sparse backend
-/// in one process. `examples/large_network.rs` does the same for a hundred thousand fibers.
+/// in one process. `examples/large_network.rs` compares numbers of ranks for a hundred thousand fibers.
 #[cfg(all(feature = "sparse", feature = "generate"))]
 fn generated_network(context: &Context) {
     let network = Arc::new(biotissue::fiber::network::generate::delaunay(500, 1).unwrap());

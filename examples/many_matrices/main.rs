@@ -103,7 +103,7 @@ fn main() -> ExitCode {
     ExitCode::FAILURE
 }
 
-/// Runs both cases on PETSc, and one of them also without; returns the same checks on all ranks.
+/// Runs both cases on PETSc, and one of them also without PETSc; returns the same checks on all ranks.
 fn run(context: &Context) -> Result<Vec<Check>, Error> {
     let wave = simulate::<Petsc>(context, &WAVE)?;
     let puff = simulate::<Petsc>(context, &PUFF)?;

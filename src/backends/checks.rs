@@ -35,7 +35,7 @@ pub(super) fn check_size<F>(what: &'static str, found: usize, expected: usize) -
     if found == expected { Ok(()) } else { Err(SolveError::Size { what, found, expected }) }
 }
 
-/// Returns an error if no solver can be made for these matrices.
+/// Returns an error if no solver can be created for matrices with this pattern and these parameters.
 pub(super) fn check_analyzable<F>(pattern: &Sparsity, params: &SolverParams) -> Result<(), SolveError<F>> {
     let (rows, cols) = (pattern.rows(), pattern.cols());
     if rows != cols {

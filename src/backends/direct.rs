@@ -61,7 +61,8 @@ impl Pivots {
         // The smaller eigenvalue follows from the determinant: the difference of mean and radius would lose its digits.
         let small = if large == 0.0 { 0.0 } else { (a / large) * c - (b / large) * b };
         self.record(large, position);
-        // Its eigenvector is (b, small - a); the pivot is attributed to the unknown with the larger component.
+        // The eigenvector of `small` is (b, small - a); the pivot is attributed to the unknown with the larger
+        // component.
         let second = (small - a).abs() > b.abs();
         self.record(small, position + usize::from(second));
     }
@@ -162,13 +163,13 @@ impl Scratch {
 }
 
 /// Defines the scalars of a backend with direct solvers: the trait `$name` with the operations of `Solver` of the
-/// calling module, its implementations for `f64` and `f32`, and the solver of `las` that calls them.
+/// calling module, its implementations for `f64` and `f32`, and the implementation of `las::Solver` that calls them.
 macro_rules! impl_direct_solver {
     ($name:ident: $bound:ident $(+ $more:ident)*, $backend:ident) => {
         /// A scalar type of this backend, `f64` or `f32`, with the operations of [`Solver`] for it.
         ///
-        /// Each type implements them separately, so that this crate compiles the factorizations, with those of faer.
-        /// Functions that are generic in the scalar would be compiled again in every crate that calls them.
+        /// Each type implements them separately, so that the factorizations, including those of faer, are compiled in
+        /// this crate. Functions that are generic in the scalar would be compiled again in every crate that calls them.
         pub trait $name: $bound $(+ $more)* {
             /// Creates a solver.
             fn solver(symbolic: &Arc<Symbolic>) -> Result<Solver<Self>, Failure>;

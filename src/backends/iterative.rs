@@ -17,7 +17,7 @@ pub(super) trait ApproximateInverse<B: Backend>: Send + Sync {
     /// Computes `y`, an approximation of `A^-1 x`.
     fn apply(&self, x: &B::Vector, y: &mut B::Vector) -> Result<(), Failure<B>>;
 
-    /// Returns the number of values in the incomplete factorization, if it is one.
+    /// Returns the number of values in the incomplete factorization; `None` for other preconditioners.
     fn entries(&self) -> Option<usize> {
         None
     }
@@ -96,7 +96,7 @@ impl<B: SingleLane<Matrix: Clone>> IterativeSolver<B> {
         Ok((FactorReport { kind, indefinite_at: None, pivot_ratio, negative_pivots: None }, pivots))
     }
 
-    /// Performs the same steps, but returns [`SolveError::Indefinite`] if a pivot of the preconditioner is negative.
+    /// Does the same as `factor`, but returns [`SolveError::Indefinite`] if a pivot of the preconditioner is negative.
     /// For a symmetric matrix, ILUT without dropping has as many negative pivots as the matrix has negative
     /// eigenvalues; with little dropping, this nearly always holds.
     pub(super) fn factor_definite(&mut self, a: &B::Matrix) -> Result<FactorReport, Failure<B>> {

@@ -23,7 +23,7 @@ pub fn partition(near: &[Vec<u32>], parts: usize) -> Result<Vec<u32>, String> {
     if near.iter().flatten().any(|&node| node as usize >= near.len()) {
         return Err(format!("a neighbor beyond the last of {} nodes", near.len()));
     }
-    // METIS rejects a graph without edges and a single part.
+    // METIS rejects graphs without edges, and partitions into a single part.
     if parts <= 1 || near.iter().all(Vec::is_empty) {
         return Ok((0..near.len()).map(|node| (node * parts.max(1) / near.len().max(1)) as u32).collect());
     }
@@ -61,7 +61,7 @@ pub fn partition(near: &[Vec<u32>], parts: usize) -> Result<Vec<u32>, String> {
 /// Returns a nested-dissection order of the nodes of a symmetric graph without loops, given by compressed rows.
 ///
 /// # Errors
-/// Returns a message if the arrays are no compressed rows or METIS fails.
+/// Returns a message if the arrays are not compressed rows or METIS fails.
 pub(super) fn nested_dissection(start: &[u32], neighbors: &[u32]) -> Result<Vec<u32>, String> {
     let n = start.len().saturating_sub(1);
     let are_rows = start.is_sorted() && start.first() == Some(&0) && start.last() == Some(&(neighbors.len() as u32));

@@ -2,7 +2,7 @@
 //!
 //! | backend | cargo feature | for |
 //! |---|---|---|
-//! | `sparse` | `sparse` (default) | systems of any size in memory: compressed rows, direct solvers |
+//! | `sparse` | `sparse` (default) | systems of any size in memory: compressed rows, direct and iterative solvers |
 //! | `dense` | `dense` (default) | systems of a few hundred unknowns at most, and comparisons |
 //! | `petsc` | `petsc` | large systems, on several processes; solvers chosen at run time |
 //! | `batched` | `batched` | many systems with one pattern at once, one per lane; no solver yet |
@@ -37,7 +37,8 @@ pub mod sparse;
 use std::fmt;
 use std::str::FromStr;
 
-/// The backends that this crate knows, whether they are compiled in or not.
+/// The backends that the program's `--backend` knows, whether they are compiled in or not. `batched` is not among them,
+/// because it has no solver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum BackendName {
     /// Compressed rows and direct solvers.
@@ -99,7 +100,7 @@ impl FromStr for BackendName {
     }
 }
 
-/// Returns the names of the compiled-in backends.
+/// Returns the names of the compiled-in backends, without `batched`, which has no solver.
 pub fn compiled() -> &'static [&'static str] {
     &[
         #[cfg(feature = "sparse")]
@@ -111,7 +112,7 @@ pub fn compiled() -> &'static [&'static str] {
     ]
 }
 
-/// The error that a requested backend is not part of this build.
+/// The error for a requested backend that is not part of this build.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NotCompiledIn {
     /// The requested name.

@@ -95,10 +95,10 @@ fn power_of_two(x: f64) -> f64 {
 /// `scales` to entries of about one. Returns [`SolveError::Singular`] if it finds one, or if a solve gives values that
 /// are not finite. A regular matrix is not mistaken for a singular one, even if its factors grew, because the test
 /// multiplies by the matrix itself. Otherwise returns an unknown whose equation the factors do not solve accurately, if
-/// there is one: the magnitudes of other rows destroyed its digits.
+/// there is one: its digits were lost when rows of much larger magnitude were added to it.
 ///
 /// `solve` applies the inverse of `A` by its factors, which are of the given `kind`. For a Cholesky factor, the
-/// function uses the quotient `w . H w / |w|^2`, in which errors of `w` enter only quadratically.
+/// function uses the Rayleigh quotient `w . H w / |w|^2`, in which errors of `w` enter only quadratically.
 pub(super) fn check_null_vector<B: Backend<Scalar: Scalar>>(
     context: &B::Context,
     a: &B::Matrix,
@@ -166,7 +166,7 @@ pub(super) fn check_near_singular<B: InMemory>(
 }
 
 /// Returns the report of a factorization without zero pivots, or [`SolveError::Singular`] if the matrix has a null
-/// vector; `solve` solves with the factors.
+/// vector or the factors do not solve an equation accurately; `solve` solves with the factors.
 pub(super) fn checked_report<B: InMemory>(
     a: &B::Matrix,
     report: FactorReport,

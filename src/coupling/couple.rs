@@ -195,8 +195,8 @@ impl<C: Comm> Coupling<C> {
     /// Adds units on the producer and returns a coupling of the new units only, for data that only they need.
     /// Collective: all producer ranks call it, with or without new units, while the consumer ranks call
     /// [`reconcile_added`](Self::reconcile_added). Pass one weight per unit, or none for a weight of 1 each. Units
-    /// already distributed do not move. Recreate a coupling made by [`inverse`](Self::inverse) before this call,
-    /// because it contains only the old units.
+    /// already distributed do not move. A coupling that [`inverse`](Self::inverse) made before this call contains only
+    /// the old units; create it again.
     ///
     /// If an error occurs on one rank, the others wait for that rank; the caller must therefore end the run.
     ///

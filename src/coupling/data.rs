@@ -12,7 +12,7 @@ pub struct Distribution {
     pub counts: Vec<usize>,
     /// Weights of the units, by rank; 1 for every unit if the caller gave none.
     pub weights: Vec<Vec<f64>>,
-    /// Number of units that each rank of the consumer already holds in this coupling; empty if it holds none.
+    /// Number of units that each rank of the consumer already holds in this coupling; may be empty if all hold none.
     pub held: Vec<usize>,
 }
 

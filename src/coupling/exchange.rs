@@ -201,8 +201,8 @@ impl<T: Payload> Channel<T> {
     ///
     /// # Errors
     /// Returns [`CouplingError`] if the arguments are invalid or the communication fails; [`CouplingError::Changed`] if
-    /// units were added or removed since the start, or if the receive was started for another coupling with other
-    /// neighbors.
+    /// units were added or removed since the start, or if the receive was started for another coupling with a different
+    /// number of neighbors.
     pub fn finish_receive<C: Comm>(
         &mut self,
         coupling: &Coupling<C>,

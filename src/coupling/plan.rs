@@ -9,8 +9,8 @@ pub enum Share {
     Ranks(Vec<usize>),
     /// A number of ranks, the next free ones.
     Count(usize),
-    /// A fraction of the ranks left by [`Share::Ranks`] and [`Share::Count`], in proportion to the ratios of the other
-    /// scales.
+    /// A share of the ranks left by [`Share::Ranks`] and [`Share::Count`], in proportion to this ratio among all
+    /// ratios.
     Ratio(f64),
 }
 
@@ -82,7 +82,8 @@ impl Plan {
         self
     }
 
-    /// Returns the smallest possible number of ranks: the explicit ranks, the counts, and one for each ratio.
+    /// Returns the smallest number of ranks that may suffice: the explicit ranks, the counts, and one for each ratio.
+    /// Unequal ratios may need more.
     pub fn min_ranks(&self) -> usize {
         let of = |share: &Share| match share {
             Share::Ranks(ranks) => ranks.len(),

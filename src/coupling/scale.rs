@@ -48,7 +48,7 @@ pub enum ScaleError {
         /// The waiting time.
         waited: Duration,
     },
-    /// A scale took no message before the time-out.
+    /// A scale did not receive a message before the time-out.
     #[error("scale {scale} received no message from scale {own} within {} s", .waited.as_secs_f64())]
     SendTimeout {
         /// The scale that did not receive.

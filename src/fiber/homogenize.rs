@@ -2,11 +2,11 @@
 //!
 //! Two steps lead from the stiffness `K = dT/dx` of all nodes to the tangent `A = dP/dF` of the macro scale (C. Miehe
 //! and A. Koch, *Computational micro-to-macro transitions of discretized microstructures undergoing small strains*,
-//! Archive of Applied Mechanics 72 (2002) 300-317). `i` denotes the interior nodes, `b` those on the boundary, `v` the
-//! sensitivities of the node positions to a strain, and `q = K v` the sensitivities of the nodal forces.
+//! Archive of Applied Mechanics 72 (2002) 300-317). `i` denotes the interior nodes, `b` those on the boundary, `T` the
+//! nodal forces, `v` the sensitivities of the node positions to a strain, and `q = K v` those of the nodal forces.
 //!
-//! 1. *Static condensation* of the interior (Guyan 1965). In equilibrium, `T_i = 0` at every strain, so the sensitivities
-//!    of the interior forces vanish:
+//! 1. *Static condensation* of the interior (Guyan 1965). In equilibrium, `T_i = 0` at every strain, so the
+//!    sensitivities of the interior forces vanish:
 //!
 //!    ```text
 //!    [ K_ii  K_ib ] [ v_i ]   [  0  ]          v_i = -K_ii^-1 K_ib v_b
@@ -27,10 +27,11 @@
 //!    The last product runs over all nodes, to which the interior contributes nothing because `q_i = 0`. It is
 //!    stationary in `v_i`, so an error of the solve enters squared.
 //!
-//! Nine increments `dF = D F` span all `dF`. For the six symmetric unit increments `D = S_k`, the *strain modes*, the boundary
-//! moves with `v_b = S_k x_b`; they need the solves of step 1. For the three skew ones, `D = W`, the network rotates
-//! rigidly: `P(R F) = R P(F)` gives `A : (W F) = W P` without a solve. The matrix `C` of the coefficients of `dF F^-1`
-//! in these nine unit increments transforms the form `D_k F : A : D_l F` to the components of `A`, `C^T form C`.
+//! Nine increments `dF = D F` span all `dF`. For the six symmetric unit increments `D = S_k`, the *strain modes*, the
+//! boundary moves with `v_b = S_k x_b`; they need the solves of step 1. For the three skew ones, `D = W`, the network
+//! rotates rigidly: `P(R F) = R P(F)` gives `A : (W F) = W P` without a solve. The matrix `C` of the coefficients of
+//! `dF F^-1` in these nine unit increments transforms the form `D_k F : A : D_l F` to the components of `A`,
+//! `C^T form C`.
 //!
 //! The public interface is [`EquilibriumState`](super::equilibrium::EquilibriumState), which
 //! [`super::equilibrium::equilibrate`] returns; the functions here read the workspace that it borrows.
@@ -67,9 +68,9 @@ pub(super) fn tangent<B: RealBackend>(
     workspace: &Workspace<B>,
 ) -> Result<Tangent, RveError<B::Error>> {
     let mut form = Tangent::zeros();
-    // The six columns of the strains follow from the force sensitivities, the three columns of the spins from the stress. The
-    // two mixed blocks are not assumed to be transposes of each other: they are to the accuracy of the balance of
-    // forces and moments.
+    // The six columns of the strains follow from the force sensitivities, the three columns of the spins from the
+    // stress. The two mixed blocks are not assumed to be transposes of each other: they are only to the accuracy of the
+    // balance of forces and moments.
     form.fixed_view_mut::<9, MODES>(0, 0).copy_from(&(sensitivity_products(workspace) * model.scale()));
     for w in 0..3 {
         let turned_stress = spin(w) * pk1;
@@ -153,7 +154,7 @@ pub(super) fn solve_modes<B: RealBackend>(model: &RveModel<B>, workspace: &mut W
                 Factor::Exact => factor_shifted(model, workspace)?,
                 Factor::Shifted => return Err(SolveError::Inaccurate { residual: imbalance }),
             };
-            // The inaccurate factor may have added large motions in the (nearly) null space.
+            // The inaccurate factor may have added large motions in the null space, exact or approximate.
             set_affine_sensitivities(workspace);
             force_sensitivities(model, workspace);
             before = f64::INFINITY;
@@ -183,8 +184,8 @@ enum Factor {
 }
 
 impl Factor {
-    /// Largest accepted ratio of the interior force sensitivities after and before a correction; a larger ratio means that
-    /// the factor is too inaccurate.
+    /// Largest accepted ratio of the interior force sensitivities after and before a correction; a larger ratio means
+    /// that the factor is too inaccurate.
     fn max_reduction_ratio(self) -> f64 {
         match self {
             Self::Exact => 0.05,

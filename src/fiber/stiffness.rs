@@ -31,7 +31,7 @@ pub fn pattern(network: &Network) -> Result<Sparsity, SparsityError> {
 pub struct StiffnessSlots<B: Backend> {
     /// Nine slots per interior node.
     diagonal: Vec<B::Slot>,
-    /// The interior numbers of both ends of every fiber; an end on the boundary has the number of interior nodes.
+    /// The interior numbers of both ends of every fiber; for an end on the boundary, the count of interior nodes.
     ends: Vec<[u32; 2]>,
     /// Eighteen slots for each fiber between interior nodes: block `(a, b)`, then block `(b, a)`.
     pairs: Vec<B::Slot>,
@@ -63,7 +63,8 @@ impl<B: RealBackend> StiffnessSlots<B> {
         Ok(slots)
     }
 
-    /// Adds the stiffness of all fibers into a zeroed `matrix`; `diagonal` is scratch memory.
+    /// Adds the stiffness of all fibers into a zeroed `matrix`. `diagonal` receives the diagonal blocks, and in a last
+    /// block the contributions to boundary nodes.
     ///
     /// # Errors
     /// Returns the error of the backend if it cannot add entries.
@@ -87,7 +88,7 @@ impl<B: RealBackend> StiffnessSlots<B> {
             if ends.iter().all(|&node| (node as usize) < interior)
                 && let Some(slots) = pairs.next()
             {
-                // The block is symmetric and equals its mirror image.
+                // The block is symmetric, so that the blocks `(a, b)` and `(b, a)` are equal.
                 let block = block.map(|k| -k);
                 matrix.add_at(&slots[..9], &block)?;
                 matrix.add_at(&slots[9..], &block)?;

@@ -32,7 +32,7 @@ pub struct Truss {
     volumes: Vec<f64>,
     /// The laws, each with the range of fibers that follow it.
     laws: Vec<(Law, Range<usize>)>,
-    /// Number of every fiber in the network.
+    /// The number that every fiber has in the network.
     fiber_numbers: Vec<u32>,
 }
 

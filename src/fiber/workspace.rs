@@ -93,7 +93,8 @@ impl<B: RealBackend> Workspace<B> {
             self.copy_interior(model, rve);
             return None;
         };
-        // Applying the increment to the current positions is exact for rotations and keeps a relaxed network relaxed.
+        // Applying the increment to the current positions is exact for rotations and preserves the non-affine
+        // displacements of the last equilibrium.
         let increment = target * inverse;
         for (&node, x) in network.interior().iter().zip(&rve.interior) {
             self.positions[node as usize] = transform(&increment, x);

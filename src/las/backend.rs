@@ -9,7 +9,8 @@ use super::{Index, MatVec, MatrixOps, Scalar, SolveError, Solver, SolverParams, 
 ///
 /// The backend is chosen at compile time. Assembly and solution code is written once, `fn assemble<B: Backend>(..)`.
 /// The methods of [`VectorOps`] and [`MatrixOps`] inline to the same instructions as a direct call of the backend. With
-/// PETSc they work on the memory of the PETSc objects and execute no more instructions than the PETSc call.
+/// PETSc they work on the memory of the PETSc objects and execute no more instructions than the PETSc call, except
+/// [`MatrixOps::finish`].
 /// `docs/overhead.md` reports the instruction counts of both cases.
 ///
 /// ```
@@ -83,7 +84,7 @@ pub trait Backend: Copy + Default + Debug + Send + Sync + 'static {
         params: &SolverParams,
     ) -> Result<Arc<Self::Symbolic>, SolveError<Self::Error>>;
 
-    /// Creates a solver and allocates all storage that its first factorization needs.
+    /// Creates a solver. The storage of its factorization is allocated here or in the first factorization.
     ///
     /// # Errors
     /// Returns the backend's error if it cannot create the solver.

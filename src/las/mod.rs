@@ -16,7 +16,6 @@
 //! | `batched` | no | no iterative methods |
 //!
 //! A backend that lacks the requested method returns [`SolveError::Unsupported`].
-
 //!
 //! # Writing a backend
 //! All simulation code of this crate runs on a backend of another crate if it implements:
@@ -31,7 +30,8 @@
 //!
 //! Two extensions are optional, because no simulation needs them: [`Entries`] (for [`transfer::matrix`], Matrix Market
 //! files and the C interface) and [`MatMat`] (sums and products of matrices, for the C interface). [`krylov`] provides
-//! iterative solvers for every backend. The [`conformance`] suite tests a backend, also one with limited solvers.
+//! iterative solvers for every backend with one number per entry ([`SingleLane`]). The [`conformance`] suite tests a
+//! backend, also one with limited solvers.
 
 mod backend;
 pub(crate) mod comm;

@@ -11,10 +11,11 @@ use super::Backend;
 /// * A **negative index** denotes a constrained unknown: a write to it is dropped, and a read leaves the caller's
 ///   buffer unchanged.
 /// * An **index past the end**, and arguments whose lengths do not match, are programming errors: a `debug_assert!`
-///   fails in debug builds, and release builds drop the value. PETSc returns an error instead.
-/// * Call [`VectorOps::finish`] or [`MatrixOps::finish`] between writing and reading, and between `add` and `set`: a
-///   distributed backend exchanges the values of other ranks there. A serial backend does nothing.
-///   [`VectorOps::with_local_mut`] both reads and writes.
+///   fails in debug builds, and release builds drop the value. `petsc` returns an error for a block whose size does not
+///   match its indices, and for vectors of different lengths.
+/// * Call [`VectorOps::finish`] or [`MatrixOps::finish`] between writing and reading, and between `add` and `set`:
+///   there `petsc` informs PETSc that the entries of a matrix changed, and a distributed backend may exchange values
+///   between ranks. A serial backend does nothing. [`VectorOps::with_local_mut`] both reads and writes.
 ///
 /// # Errors
 /// Every operation returns `Result<_, B::Error>`. A backend that cannot fail has an uninhabited error type
@@ -70,8 +71,9 @@ pub trait VectorOps<B: Backend>: Sized {
 /// Those of [`VectorOps`], and:
 ///
 /// * The pattern never changes: `zero` and `zero_rows` leave explicit zeros, and no operation adds an entry.
-/// * A **write outside the pattern** is a programming error: a `debug_assert!` fails in debug builds, and release
-///   builds drop the value (except `dense`, which stores every entry). A **read outside the pattern** returns zero.
+/// * A **write outside the pattern** is a programming error: in debug builds a `debug_assert!` fails (`add` and `set`
+///   of `petsc` return an error), and release builds drop the value (except `dense`, which stores every entry). A
+///   **read outside the pattern** returns zero.
 /// * `get` and `finish` are collective on a distributed backend: all ranks call them.
 ///
 /// # Errors

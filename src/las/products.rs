@@ -82,7 +82,8 @@ pub trait MatMat<B: Backend>: Entries<B> + Sized {
 /// Access to all entries of a matrix, for transferring it to another backend or writing it to a file: an extension that
 /// a backend may implement. Generic code that needs it states `B: Backend<Matrix: Entries<B>>`.
 pub trait Entries<B: Backend> {
-    /// The pattern of the stored entries (of this rank, on a distributed backend), explicit zeros included.
+    /// The pattern of the stored entries, explicit zeros included. A distributed backend may restrict it to the entries
+    /// of this rank; `petsc` returns those of all ranks.
     ///
     /// # Errors
     /// Returns the backend's error.

@@ -36,7 +36,7 @@ fn regression_the_dogbone_has_the_recorded_extensions_and_balanced_forces() {
             assert!(sum.abs() < 1e-9 * pull, "step {}: forces sum to {sum:e} N of {pull:e} N", row.step);
         }
     }
-    // The traction was chosen to give these extensions: approximately 27 % after ten increments and 45 % after twenty.
+    // The traction was chosen to give these extensions: approximately 27 % after ten load steps and 45 % after twenty.
     let extension = |step: usize| loads.rows[step - 1].surfaces[right].displacement[0] / length;
     assert!((extension(10) - 0.27).abs() < 0.02, "{}", extension(10));
     assert!((extension(20) - 0.45).abs() < 0.02, "{}", extension(20));

@@ -25,8 +25,8 @@ const CASE: &str = r#"
     count = 1
 "#;
 
-/// Returns the responses of the field after an update that failed because elements 3, 5 and 40 were stretched
-/// excessively, and the error of that update.
+/// Returns the responses of an update that follows a failed one, in which elements 3, 5 and 40 were stretched
+/// excessively, and the error of the failed update.
 fn after_a_failure(threads: usize) -> (PointResponses, String) {
     let dir = tempfile::tempdir().unwrap();
     let file = dir.path().join("case.toml");

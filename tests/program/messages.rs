@@ -169,7 +169,7 @@ fn check_and_run_warn_of_inconsistent_units() {
         assert!(outcome.stderr.starts_with(edge), "{}", outcome.stderr);
         assert_eq!(outcome.stderr.matches("warning: ").count(), 1, "{}", outcome.stderr);
     }
-    // The traction is 100 MPa, although the fibers of the network bear about 300 kPa at most.
+    // The traction is 100 MPa, although the stiffness of the network is about 300 kPa.
     let pulled = fibers(&frozen()).replace("displacement = { x = 0.05 }", "traction = [1.0e8, 0.0, 0.0]");
     write_case(folder.path(), "case.toml", &pulled);
     let checked = line(folder.path(), "check case.toml");

@@ -72,7 +72,7 @@ fn ranks_near_each_other_require_hwloc() {
     }
 }
 
-/// The results are those in one process, too.
+/// The results are also equal to those of a run in one process.
 #[test]
 fn the_option_ranks_gives_all_ranks_but_one_to_the_micro_scale() {
     let folder = tempfile::tempdir().unwrap();

@@ -59,7 +59,7 @@ fn collagen(network: Network) -> RveModel<biotissue::backends::sparse::Sparse> {
     RveModel::new(&(), Arc::new(network), Some(material), StressScale::Raw).expect("a sound material")
 }
 
-/// The deformation at which MuMFiM recorded its times for the network, about 1 %; a larger one for the other networks.
+/// For `Network_2_7` the deformation at which MuMFiM recorded its times, about 1 %; for other networks a larger one.
 #[rustfmt::skip]
 fn deformation(name: &str) -> Matrix3<f64> {
     if name == "Network_2_7" {

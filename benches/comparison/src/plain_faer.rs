@@ -1,4 +1,5 @@
-//! faer's supernodal Cholesky as used directly by a user of that crate: minimum degree on the unknowns.
+//! faer's supernodal Cholesky, called directly, with minimum degree on the unknowns or with the elimination order of
+//! biotissue.
 
 use biotissue::backends::sparse::Sparse;
 use biotissue::las::{Backend, SolverParams, Symmetry};
@@ -28,7 +29,7 @@ impl PlainFaer {
         Self::ordered("faer supernodal LLT, AMD", system, SymmetricOrdering::Amd, columns)
     }
 
-    /// Uses the elimination order of this crate, which is postordered.
+    /// Uses the elimination order of biotissue, which is postordered.
     pub fn in_our_order(system: &System, columns: usize) -> Self {
         let params = SolverParams::new(Symmetry::Definite);
         let symbolic = Sparse::<f64>::analyze(&(), &system.pattern, &params).expect("an analysis");

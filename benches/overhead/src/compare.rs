@@ -27,7 +27,7 @@ pub struct Row {
     pub calls: (Vec<String>, usize),
 }
 
-/// A verb that may have more instructions than its call by hand.
+/// Verbs of a backend that may have more instructions than their calls by hand.
 pub struct Exception {
     /// The backend.
     pub backend: &'static str,
@@ -80,8 +80,9 @@ impl Row {
     }
 }
 
-/// Returns the violations: verbs with more instructions through LAS than by hand, and lanes without packed arithmetic.
-/// Verbs that are calls of PETSc by hand are compared by executed instructions, in [`crate::executed`].
+/// Returns the violations: verbs with more instructions or calls through LAS than by hand, functions of LAS that are
+/// not inlined, and arithmetic on `batched` that is not packed. Verbs that are calls of PETSc by hand are compared by
+/// executed instructions, in [`crate::executed`].
 pub fn violations(rows: &[Row]) -> Vec<String> {
     let mut violations = Vec::new();
     for row in rows {

@@ -69,7 +69,7 @@ pub fn collected(words: &[&str], pattern: &str) -> Result<u64, Box<dyn Error>> {
     }
 }
 
-/// Returns whether valgrind is installed.
+/// Returns whether this build has PETSc and valgrind is installed.
 pub fn is_possible() -> bool {
     cfg!(feature = "petsc") && Command::new("valgrind").arg("--version").output().is_ok()
 }

@@ -6,9 +6,9 @@
 //! ```
 //!
 //! The matrix is the stiffness of a box of CELLS cells per side with six tetrahedra each, clamped at one face or on
-//! rollers at three faces. Both solvers factor the same values in the same order into the same memory, alternately;
-//! each time is the minimum of many, in ms. The following command builds with cargo's default release profile instead
-//! of the profile of this workspace:
+//! rollers at three faces. Both solvers factor the same values in the same elimination order, alternately, and each
+//! reuses its memory; each time is the minimum of many, in ms. The following command builds with cargo's default
+//! release profile instead of the profile of this workspace:
 //!
 //! ```text
 //! CARGO_PROFILE_RELEASE_LTO=false CARGO_PROFILE_RELEASE_CODEGEN_UNITS=16 cargo run ...

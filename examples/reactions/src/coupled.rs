@@ -38,7 +38,7 @@ fn rod_main(scales: &Scales<ThreadComm>, rod: Rod, steps: usize) -> Outcome {
         channel.receive(&to_rod, &mut released)?;
         Ok(released)
     })?;
-    // A message without a time step ends the cells.
+    // A message without a time step ends the loop of every rank of the cells.
     scales.broadcast(1, Message::new())?;
     Ok(rod.inner)
 }

@@ -11,7 +11,7 @@ pub enum Symbolic {}
 #[derive(Debug)]
 pub enum Solver {}
 
-/// Returns the error that this backend has no solver.
+/// Returns the error for the request of a solver, which this backend does not have.
 pub(super) fn unsupported<T: Scalar, const N: usize>() -> Failure {
     SolveError::Unsupported {
         backend: Batched::<T, N>::NAME,

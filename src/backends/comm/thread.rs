@@ -109,7 +109,7 @@ pub fn run<R: Send, E: Display>(
                 }
             };
             let started = thread::Builder::new().spawn_scoped(scope, run);
-            // The ranks that already run wait for this one.
+            // The ranks that already run may wait for this one; the failure ends them.
             let without = |error| format!("no thread could be started for it: {error}");
             let failed = |error| world.fail::<R>(Failed { rank, reason: without(error), has_panicked: false });
             started.map_err(failed).ok()
@@ -255,7 +255,7 @@ impl Comm for ThreadComm {
         let (mut messages, address) = self.wait_for_message(from, tag)?;
         let Entry::Occupied(mut queue) = messages.entry(address) else { return Ok(Message::new()) };
         let message = queue.get_mut().pop_front().unwrap_or_default();
-        // Remove the queue, because no rank may ever write to this address again.
+        // Remove the empty queue, because it is possible that no rank writes to this address again.
         if queue.get().is_empty() {
             queue.remove();
         }

@@ -1,4 +1,5 @@
-//! The macro that implements the traits of a backend with compressed rows by the functions that all of them share.
+//! The macro that implements the traits of a backend with compressed rows by the functions that all such backends
+//! share.
 
 /// Implements the vector and matrix operations of assembly, products, sums, diagonals and the traversal of all entries;
 /// `norm` and `dot` are functions of slices.

@@ -1,4 +1,4 @@
-//! The solver: three factorizations that share one square of storage.
+//! The solver: three factorizations that share the storage of one square matrix.
 
 use std::sync::Arc;
 
@@ -42,7 +42,7 @@ pub struct Solver<T: DenseScalar = f64> {
     factor: Vec<T>,
     /// The subdiagonal of the blocks of `D`.
     subdiagonal: Vec<T>,
-    /// The permutation by pivoting of the unknowns (LDL^T) or the rows (LU).
+    /// The permutation of the unknowns (LDL^T) or of the rows (LU) by pivoting.
     forward: Vec<u32>,
     inverse: Vec<u32>,
     /// The right-hand sides, by columns.

@@ -256,8 +256,8 @@ impl Factor {
         Ok(value)
     }
 
-    /// Returns the unknown with the largest component in a vector of the null space. The factor cannot be used
-    /// afterward.
+    /// Returns the unknown with the largest component of a null vector or, if the package aborted, the unknown of the
+    /// pivot at which it stopped. The factor cannot be used afterward.
     pub(super) fn null_space_unknown(
         &self,
         a: &Matrix,

@@ -96,7 +96,8 @@ impl ByIterations {
     }
 }
 
-/// Sets the tolerances. All methods test the true residual norm, not the preconditioned one.
+/// Sets the tolerances, the preconditioning side and the restart length. All methods test the unpreconditioned residual
+/// norm.
 fn set(ksp: &Ksp, method: &Iterative) -> Result<(), PetscError> {
     let (raw, most) = (ksp.raw(), i32::try_from(method.max_iterations).unwrap_or(i32::MAX));
     // SAFETY: a live object, as in all that follows.

@@ -80,7 +80,7 @@ impl Row<'_> {
         self.columns.binary_search(&(column as u32)).ok().map(|position| self.at(position))
     }
 
-    /// The same, but tries first the position `next`, which follows the last one found.
+    /// Does the same as [`Self::find`], but first tries the position `next`, which follows the last one found.
     #[inline(always)]
     pub(super) fn find_after(&self, next: &mut usize, column: i32) -> Option<usize> {
         match find(self.columns, next, column) {

@@ -255,7 +255,7 @@ impl Values {
         diagonal.get(at).or_else(|| off.get(at.wrapping_sub(diagonal.len()))).copied().unwrap_or(0.0)
     }
 
-    /// The same, mutably; `None` if the index is out of range.
+    /// Returns the value at an array index for modification; `None` if the index is out of range.
     #[inline(always)]
     pub(super) fn get_mut(&mut self, at: usize) -> Option<&mut f64> {
         let [diagonal, off] = self.slices_mut();

@@ -2,8 +2,8 @@
 //!
 //! They access the memory of the vector or matrix directly, at positions given by the pattern. `VecSetValues` and
 //! `MatSetValues` do not check that an index is in range and would write anywhere; if logging is on, both also write to
-//! the log of PETSc, which all threads of the process share. `finish` informs PETSc, under the lock, that entries
-//! changed.
+//! the log of PETSc, which all threads of the process share. `finish` of a matrix informs PETSc, under the lock,
+//! that entries changed.
 
 use super::context::Context;
 use super::error::PetscError;

@@ -17,7 +17,7 @@ pub(super) fn scatter(whole: &[f64], own: std::ops::Range<usize>, part: &Distrib
     // SAFETY: a live vector.
     call(|| unsafe { ffi::VecGetArray(raw, &raw mut values) })?;
     if !own.is_empty() {
-        // SAFETY: a vector of the layout of which this rank owns that many entries; the two memory areas are distinct.
+        // SAFETY: this rank owns that many entries of the vector; the two memory areas are distinct.
         unsafe { std::ptr::copy_nonoverlapping(whole[own.clone()].as_ptr(), values, own.len()) };
     }
     // SAFETY: borrowed just above.
@@ -32,7 +32,7 @@ impl Matrix {
         let own = self.context.own_range(len).len();
         // SAFETY: a live vector.
         call(|| unsafe { ffi::VecGetArrayRead(raw, &raw mut values) })?;
-        // SAFETY: a vector of the layout of which this rank owns that many entries; read before it is given back.
+        // SAFETY: this rank owns that many entries of the vector; they are read before the array is restored.
         let slice = if own == 0 { &[][..] } else { unsafe { std::slice::from_raw_parts(values, own) } };
         self.context.gather(slice, len, |row| row, whole.as_mut_slice());
         // SAFETY: borrowed above.
@@ -74,7 +74,7 @@ impl Matrix {
         Ok(stored)
     }
 
-    /// Copies the matrix that PETSc computes into a pattern that depends only on the patterns of its factors.
+    /// Copies the matrix that PETSc computes into a pattern that depends only on the patterns of the operands.
     fn in_pattern(&self, pattern: Sparsity, make: impl FnOnce(*mut ffi::Mat) -> ffi::Code) -> Result<Self, PetscError> {
         let mut result = Self::zeros_aij(&self.context, &Arc::new(pattern))?;
         if result.pattern().nnz() > 0 {

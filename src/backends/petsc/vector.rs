@@ -22,7 +22,7 @@ unsafe impl Send for Vector {}
 
 impl Vector {
     pub(super) fn zeros(context: &Context, len: usize) -> Result<Self, PetscError> {
-        // SAFETY: a single communicator, which exists for the whole session.
+        // SAFETY: a constant of MPI, `MPI_COMM_SELF`, which exists for the whole session.
         let alone = unsafe { mpi::ffi::RSMPI_COMM_SELF };
         // Vectors and matrices in one operation must share a communicator.
         let comm = if context.is_single_rank() { context.comm() } else { alone };

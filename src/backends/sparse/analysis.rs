@@ -25,7 +25,7 @@ fn supernodes_from(level: SimdLevel) -> f64 {
     }
 }
 
-/// The largest accepted ratio of operations with and without padding, where nodes have fewer than three unknowns. In a
+/// The largest accepted ratio of operations with and without the padding of nodes with fewer than three unknowns. In a
 /// body, only the nodes on rollers at its surface have fewer, which keeps the ratio well below this limit; a matrix
 /// whose nodes all have one or two unknowns exceeds it.
 const MOST_PADDING: f64 = 2.0;
@@ -95,19 +95,20 @@ impl Symbolic {
     }
 
     /// Returns the number of values in a Cholesky or LDL^T factor, including the explicit zeros of the supernodes;
-    /// `None` if the matrices are declared unsymmetric.
+    /// `None` if the matrices are declared unsymmetric or the method is iterative.
     pub fn factor_entries(&self) -> Option<usize> {
         let of_cholesky = || self.cholesky.get().map(|analysis| analysis.supernodes.len_val());
         self.blocks.as_ref().map(SymbolicBlockCholesky::entries).or_else(of_cholesky)
     }
 
-    /// Returns the unknown that Cholesky eliminates at each position; empty if the matrices are declared unsymmetric.
+    /// Returns the unknown that Cholesky eliminates at each position; empty if the matrices are declared unsymmetric or
+    /// the method is iterative.
     pub fn order(&self) -> &[u32] {
         &self.order
     }
 
     /// Returns the number of floating-point operations of a Cholesky factorization in this order, without those on
-    /// explicit zeros; `None` if the matrices are declared unsymmetric.
+    /// explicit zeros; `None` if the matrices are declared unsymmetric or the method is iterative.
     pub fn operations(&self) -> Option<f64> {
         self.operations
     }
@@ -166,8 +167,8 @@ impl CholeskyAnalysis {
     }
 }
 
-/// Returns the lower triangle of the permuted matrix by columns, and the index of each of its values in the matrix,
-/// which are those of the upper triangle.
+/// Returns the lower triangle of the permuted matrix by columns, and for each of its entries the index of the value in
+/// the matrix; the values come from the upper triangle of the matrix.
 fn permuted_lower_triangle(pattern: &Sparsity, position: &[u32]) -> (SymbolicSparseColMat<u32>, Vec<u32>) {
     let n = pattern.rows();
     let mut entries = Vec::with_capacity(pattern.nnz().div_ceil(2) + n);

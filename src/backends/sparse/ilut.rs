@@ -1,10 +1,10 @@
 //! Incomplete LU with a threshold (Y. Saad, *ILUT: a dual threshold incomplete LU factorization*, Numer. Linear Algebra
 //! Appl. 1, 1994; the preconditioner of that name in SPARSKIT).
 //!
-//! The factorization is Gaussian elimination row by row, without row exchanges. It drops multipliers below the drop
-//! tolerance. In the resulting row, it drops entries below the tolerance times the mean absolute value of the row, and
-//! each factor keeps the `fill` largest of the remaining ones besides the diagonal. With tolerance 0 and unlimited
-//! fill, the factorization is the complete LU.
+//! The factorization is Gaussian elimination row by row, without row exchanges. It drops multipliers up to the drop
+//! tolerance. In the resulting row, it drops entries up to the tolerance times the mean absolute value of the matrix
+//! row, and each factor keeps the `fill` largest of the remaining ones besides the diagonal. With tolerance 0 and
+//! unlimited fill, the factorization is the complete LU.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;

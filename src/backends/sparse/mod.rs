@@ -1,4 +1,4 @@
-//! `sparse`: compressed rows and direct solvers in memory; the backend for all but small systems.
+//! `sparse`: compressed rows, direct and iterative solvers in memory; the backend for all but small systems.
 //!
 //! A positive definite matrix of 3x3 blocks, such as the stiffness of a fiber network, is factored by the Cholesky
 //! factorization of module `block`, unless the matrix is so large that faer is faster. Some of its nodes may have only
@@ -6,8 +6,8 @@
 //! has them; results differ by rounding between machines with and without fused multiply-add. All other matrices are
 //! factored by the crate `faer`: supernodal Cholesky; LDL^T with pivoting within the supernodes if the matrix is not
 //! positive definite; sparse LU if the matrix is unsymmetric or if that pivoting does not suffice. The elimination
-//! order is the better one of minimum degree and nested dissection (module `order`). `docs/kernel.md` in the repository
-//! compares times.
+//! order is by default the better one of minimum degree and nested dissection (module `order`). `docs/kernel.md` in the
+//! repository compares times.
 //!
 //! ```
 //! use std::sync::Arc;

@@ -22,11 +22,11 @@ use crate::las::{Backend, FactorReport, Factorization, Method, SolveError, Solve
 ///
 /// With [`Method::Iterative`], the solver runs a Krylov method preconditioned by an incomplete factorization or by the
 /// diagonal. Otherwise, it factors a matrix declared [`Symmetry::Definite`] by Cholesky: by 3x3 blocks (some of which
-/// may be smaller) if the pattern consists of them and the factorization is not too large, else by faer. It reads one
-/// of two mirrored values. If a pivot is not positive, LDL^T replaces Cholesky; its analysis and storage are made at
-/// that point and kept. LDL^T exchanges unknowns only within a supernode. If one of its pivots is (nearly) zero
-/// although the matrix may be regular, LU with partial pivoting either factors the matrix or finds it singular. LU
-/// allocates in every factorization, the others only in their first.
+/// may be smaller) if the pattern consists of them and the factorization is not too large, else by faer. Of each
+/// pair of entries `(i, j)` and `(j, i)`, it reads only one. If a pivot is not positive, LDL^T replaces Cholesky; its
+/// analysis and storage are made at that point and kept. LDL^T exchanges unknowns only within a supernode. If one of
+/// its pivots is (nearly) zero although the matrix may be regular, LU with partial pivoting either factors the matrix
+/// or finds it singular. LU allocates in every factorization, the others only in their first.
 pub struct Solver<T: SparseScalar = f64> {
     symbolic: Arc<Symbolic>,
     limit: f64,

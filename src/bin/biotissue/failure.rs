@@ -37,7 +37,8 @@ impl Failure {
         Self::General { code: 2, what: what.into(), place: None, expected: expected.into(), cure: cure.into() }
     }
 
-    /// Creates the error for a solution that did not converge: exit code 3. The converged steps are on disk.
+    /// Creates the error for a solution that did not converge: exit code 3. The converged load steps of a run are on
+    /// disk.
     pub fn not_converged(what: String, place: String, expected: &str, cure: String) -> Self {
         Self::General { code: 3, what, place: Some(place), expected: expected.into(), cure }
     }

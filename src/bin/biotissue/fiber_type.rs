@@ -16,7 +16,7 @@ pub struct FiberTypeArgument {
     law: NamedLaw,
 }
 
-/// The keys, in the order of the error for an unknown one.
+/// The keys, in the order in which the error for an unknown key lists them.
 fn keys() -> Vec<&'static str> {
     let parameters = formula_parameters().into_iter().map(|parameter| parameter.option);
     let buckling = BUCKLING.iter().map(|parameter| parameter.option);

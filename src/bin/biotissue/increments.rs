@@ -30,7 +30,7 @@ pub fn check_steps(steps: usize) -> Result<(), Failure> {
 pub fn unusable<F: std::error::Error + 'static>(place: &str, error: &RveModelError<F>) -> Failure {
     let what = match error {
         RveModelError::Analysis(_) => return Failure::library(format!("{place}: {error}")),
-        // Its message names the network.
+        // The message of this error names the network.
         RveModelError::Truss(TrussError::NoMaterial(_)) => error.to_string(),
         _ => format!("{place}: {error}"),
     };

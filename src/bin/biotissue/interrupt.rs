@@ -13,7 +13,7 @@ use signal_hook::{
     iterator::Signals,
 };
 
-/// The exit code of an interrupted process, by shell convention.
+/// The exit code after any of these signals: by shell convention, that of a process ended by Ctrl-C.
 const INTERRUPTED: i32 = 130;
 
 /// The data of a run that the interrupt handler needs.

@@ -59,7 +59,7 @@ fn number(parameter: &'static Parameter) -> Arg {
 impl FromArgMatches for LawArguments {
     fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
         let number = |parameter: &Parameter| matches.get_one::<f64>(parameter.name).copied();
-        // The argument parser ensures that there is a radius, and without a law no other option of it.
+        // The argument parser ensures that a law has a radius, and that no parameter is given without a law.
         let (Some(name), Some(radius)) = (matches.get_one::<String>("law"), number(&RADIUS)) else {
             return Ok(Self { law: None });
         };

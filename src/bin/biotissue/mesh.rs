@@ -37,7 +37,7 @@ pub enum MeshCommand {
     },
 }
 
-/// Proportions of the dogbone that differ from the default ones.
+/// Dimensions of the dogbone that differ from the default ones.
 #[derive(Args)]
 pub struct ShapeArguments {
     /// Length of the sample, in meters [default: 0.038]

@@ -43,7 +43,7 @@ pub fn message(text: &str) {
     let _ = writeln!(std::io::stderr(), "{text}");
 }
 
-/// Prints the warnings of the file readers: the first twenty, and the number of the others.
+/// Prints warnings: the first twenty, and the number of the others.
 pub fn warn(warnings: &[String]) {
     let (warnings, more) = warnings.split_at(warnings.len().min(MOST_SHOWN));
     warnings.iter().for_each(|warning| message(&printable(&format!("warning: {warning}"))));

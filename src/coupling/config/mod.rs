@@ -29,7 +29,7 @@ use crate::input::{InputError, InputErrors};
 /// |---|---|---|
 /// | `@scales` | `micro 240` | a scale that gets this number of ranks |
 /// | | `macro ranks 0 1 5-7` | a scale that gets these ranks |
-/// | | `micro ratio 1.5` | a scale that gets a fraction of the remaining ranks, in proportion to the ratios of others |
+/// | | `micro ratio 1.5` | a scale that gets a share of the remaining ranks, in proportion to its ratio |
 /// | `@relations` | `macro micro` | the producer, and the consumer of its data |
 /// | `@util` | `results PATH` | the results directory; `$NAME` and `${NAME}` are environment variables |
 /// | `@analysis` | any | no effect; each entry produces a warning |

@@ -2,12 +2,12 @@
 //!
 //! The interior nodes get masses `m` and viscous damping `c m v`. The boundary moves from one deformation gradient to
 //! the other along a smooth step, and central differences integrate `m a + c m v + r = 0` until the residual `r`
-//! satisfies the tolerance of Newton. No matrix is assembled or factored: an indefinite or singular stiffness or a
+//! satisfies the given tolerance. No matrix is assembled or factored: an indefinite or singular stiffness or a
 //! snap-through, where Newton fails, does not stop the integration. The integration takes thousands of steps.
 //!
 //! * *Mass.* Lumped: half of `rho A L` of every fiber at each of its ends ([`Masses::Density`]), or proportional to the
 //!   stiffness of the fibers at a node ([`Masses::Stiffness`]). The latter gives all nodes a similar stable
-//!   step and does not change where they come to rest.
+//!   step; the equilibria do not depend on the masses.
 //! * *Step.* `2 / omega` times a safety factor, with `omega^2` Gershgorin's bound of the largest eigenvalue of
 //!   `M^-1 K`, updated as the fibers stretch.
 //! * *Damping.* Critical for the current motion: `c = 2 omega_0`, with `omega_0^2` the Rayleigh quotient of the last

@@ -26,7 +26,7 @@ pub struct Energies {
     pub strain: f64,
     /// Kinetic energy of the nodes.
     pub kinetic: f64,
-    /// Energy dissipated by the damping.
+    /// Energy dissipated by the damping, and by the growth of masses at constant momentum.
     pub damped: f64,
 }
 

@@ -8,8 +8,8 @@ use crate::las::{MatrixOps, NewtonParams, NewtonSystem, NonlinearProblem, RealBa
 /// Maximum number of Newton steps before the test gives up.
 const STEPS: usize = 3;
 
-/// A step that reduces the distance to an equilibrium to this fraction has entered its basin of attraction, where the
-/// next Newton steps are shorter still.
+/// A step that reduces the distance to an equilibrium to this fraction is taken as proof that the iterate has entered
+/// its basin of attraction, where the next Newton steps are shorter still.
 const CONTRACTION: f64 = 0.1;
 
 /// Interior positions within this distance, unit-cube units, belong to the same equilibrium.
@@ -19,9 +19,9 @@ const SAME: f64 = 1e-10;
 /// equilibrium `reached`.
 ///
 /// The test requires full Newton steps that the line search would accept, that start from a positive definite stiffness
-/// and that contract toward `reached`. It costs one or two factorizations and solves, and no tangent. False is
-/// inconclusive: only [`equilibrate`](super::equilibrate) from `from` decides then. Afterward the workspace no longer
-/// describes an equilibrium.
+/// and that contract toward `reached`. It costs one or two, at most three, factorizations and solves, and no tangent.
+/// False is inconclusive: only [`equilibrate`](super::equilibrate) from `from` decides then. Afterward the workspace no
+/// longer describes an equilibrium.
 pub fn converges_to<B: RealBackend>(
     model: &RveModel<B>,
     from: &Rve,

@@ -22,8 +22,9 @@
 //!   accepted.
 //! * *Unstable*: the state is a saddle point of the energy. The solver leaves it along a direction of negative
 //!   curvature ([`NewtonSystem::escape_saddle`](crate::las::NewtonSystem::escape_saddle)) and minimizes the energy from
-//!   there; the minimum is the equilibrium. If [`Stage::Regularized`] is not among the stages, no minimization is
-//!   available and the stage fails ([`StageError::Unstable`]).
+//!   there; the minimum is the equilibrium. If the energy does not decrease measurably along that direction, the state
+//!   counts as neutral. If [`Stage::Regularized`] is not among the stages, no minimization is available and the stage
+//!   fails ([`StageError::Unstable`]).
 //!
 //! A fiber force is *excessive* if it is not finite or at least [`ExcessiveForce::THRESHOLD`] times the stiffness of
 //! the fiber at rest. The solve ends with [`RveError::ExcessiveForce`] in two cases: a stage reaches an equilibrium,
@@ -32,8 +33,8 @@
 //! succeed.
 //!
 //! Energy minimization precedes the cuts because it takes a tenth of their iterations: for strongly compressed networks
-//! where plain Newton fails, its smaller increments mostly fail too. [`RveError::NotConverged`] lists the failure of
-//! every stage and leaves the RVE unchanged.
+//! where plain Newton fails, it mostly fails for smaller increments too. [`RveError::NotConverged`] lists the failures
+//! of all stages; the RVE is then unchanged.
 
 mod continuation;
 mod params;
@@ -147,7 +148,7 @@ impl<B: RealBackend> EquilibriumSolver<'_, B> {
         match self.increment(rve, self.target) {
             Ok(newton) => {
                 self.report.newton = newton;
-                // Newton converged to a saddle point, and energy minimization continued from there.
+                // If Newton converged to a saddle point, energy minimization continued from there.
                 self.record_success(if self.report.saddles > saddles { Stage::Regularized } else { Stage::Newton })
             }
             Err(reason) => self.record_failure(Stage::Newton, 0.0, reason),
@@ -155,8 +156,8 @@ impl<B: RealBackend> EquilibriumSolver<'_, B> {
     }
 
     /// Returns the excessive force of the affine motion to the target if half of the increment causes one too: either
-    /// the increment or a unit of the input is then wrong, and the later stages would only take seconds to fail. If
-    /// half of the increment does not, the stages that cut the increment may still succeed.
+    /// the increment or a unit of the input is then wrong, and the later stages would fail too, after seconds. If half
+    /// of the increment does not, the stages that cut the increment may still succeed.
     fn excessive_affine_force(&mut self, rve: &Rve) -> Option<ExcessiveForce> {
         let force = self.affine_force(rve, self.target)?;
         let half = DeformationPath::new(&rve.gradient, self.target).at(0.5);
@@ -304,10 +305,10 @@ impl<B: RealBackend> EquilibriumSolver<'_, B> {
     /// Ensures that the converged state in the workspace is stable: leaves saddle points and minimizes the energy from
     /// there. On return the solver holds the factor of the stiffness if that is positive definite.
     fn stabilize(&mut self, mut newton: NewtonReport) -> Staged<B> {
-        /// A single minimization usually ends in a minimum.
+        /// Maximum number of saddle points to leave; after the first, minimization usually ends in a minimum.
         const MAX_SADDLES: usize = 10;
         for round in 0.. {
-            // Before the factorization, which such forces make inaccurate.
+            // The check precedes the factorization, which excessive forces make inaccurate.
             self.check_forces()?;
             let (mut problem, system) = Interior::of(self.model, self.workspace);
             let curvature = system.curvature(&mut problem, self.params.newton.tolerance)?;

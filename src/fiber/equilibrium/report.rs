@@ -15,10 +15,10 @@ use crate::las::{NewtonError, NewtonReport, SolveError};
 pub struct EquilibriumReport {
     /// The stage that reached the equilibrium; `None` as long as none did.
     pub stage: Option<Stage>,
-    /// Total Newton iterations, plain and regularized, including those of failed attempts.
+    /// Total Newton iterations, plain and regularized, including those of failed solves.
     pub iterations: usize,
-    /// Report of the last Newton solve. Its residual history ends at equilibrium; if dynamic relaxation reached the
-    /// equilibrium alone, the history holds only its final residual.
+    /// Report of the last Newton solve that converged. Its residual history ends at equilibrium; if dynamic relaxation
+    /// reached the equilibrium alone, the history holds only the final residual of the relaxation.
     pub newton: NewtonReport,
     /// Number of solves that started from a first-order prediction.
     pub predicted: usize,
@@ -39,8 +39,9 @@ pub struct EquilibriumReport {
     /// Whether the equilibrium is neutral: stable except for motions that meet no resistance, as in a floppy network at
     /// rest.
     pub neutral: bool,
-    /// Number of negative pivots, beyond rounding, of the stiffness at equilibrium: 0 if it is stable. `None` if no
-    /// equilibrium was reached or the backend does not count them.
+    /// Number of negative pivots, beyond rounding, of the stiffness at equilibrium: 0 at a minimum; it may be positive
+    /// if the equilibrium is `neutral`. `None` if the backend does not count them; meaningless if no equilibrium was
+    /// reached.
     pub negative_pivots: Option<usize>,
 }
 
@@ -90,8 +91,8 @@ pub enum StageError<F: std::error::Error + 'static> {
     #[error(transparent)]
     Relaxation(#[from] RelaxationError),
     /// The stage found an unstable equilibrium, a saddle point of the energy. Either regularized Newton, which would
-    /// continue to a minimum, is not among the stages, or one saddle point followed another. Holds the negative pivots
-    /// of the stiffness, if the backend counts them.
+    /// continue to a minimum, is not among the stages, or every minimization ended in another saddle point. Holds the
+    /// number of negative pivots of the stiffness, if the backend counts them.
     #[error("the equilibrium found is unstable{}", format_negative_pivots(*.0))]
     Unstable(Option<usize>),
     /// The affine motion, or an equilibrium that the stage reached, has an excessive force. Never part of

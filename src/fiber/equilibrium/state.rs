@@ -82,9 +82,9 @@ impl<'a, B: RealBackend> EquilibriumState<'a, B> {
     /// The consistent tangent `A = dP/dF` of the network after static condensation of its interior, in Pa.
     ///
     /// The boundary moves in six strain modes `dF = S F` of the current state. The interior follows by
-    /// back-substitution with the factor from the stability test of the equilibrium; the interior force sensitivities of each
-    /// mode are checked and corrected until they vanish. If the stiffness is singular, or so nearly singular that its
-    /// own factor is too inaccurate, a small shift is added to its diagonal. The form
+    /// back-substitution with the factor from the stability test of the equilibrium; the interior force sensitivities
+    /// of each mode are checked and corrected until they vanish. If the stiffness is singular, or so nearly singular
+    /// that its own factor is too inaccurate, a small shift is added to its diagonal. The form
     /// `S_k F : A : S_l F = kappa v_k . K v_l` is stationary in the sensitivities `v`: their error enters squared.
     /// Rotations need no solve, `A : (W F) = W P` for skew `W`. The tangent is valid at any `F`, including rotations by
     /// 90 degrees.

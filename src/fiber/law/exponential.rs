@@ -41,7 +41,7 @@ impl Exponential {
         let panels = self.panels(stretch);
         let at = |panel: f64| (stretch - 1.0) * (panel / panels);
         let panel = |k: usize| gauss(at(k as f64), at(k as f64 + 1.0), |strain| self.growth::<false>(strain));
-        // NaN gives one panel and the result NaN.
+        // NaN gives the maximum number of panels and the result NaN.
         let sum: f64 = (0..panels as usize).map(panel).sum();
         self.youngs_modulus / self.nonlinearity * sum
     }

@@ -12,10 +12,10 @@
 //! | [`Table`] | monotone cubics through measured points, tangent lines beyond them | Fritsch and Butland 1984 |
 //! | [`Buckling`] of any law | below stretch 1 the slope falls from `E` to `r E` over the strain `w` | smoothstep |
 //!
-//! [`Law`] is an enum of these laws. The table `laws!` below gives their names and parameters in
-//! files and on the command line; [`FormulaLaw`] is its run-time form. A new law of this crate is a file like
-//! `linear.rs` and an entry of that table. [`Law::custom`] adds any other type that implements [`FiberLaw`]; networks,
-//! trusses and RVE models treat it like a built-in law.
+//! [`Law`] is an enum of these laws. For the laws with scalar parameters, the table `laws!` below gives the names and
+//! parameters in files and on the command line; [`FormulaLaw`] is its run-time form. A new law of this crate is a file
+//! like `linear.rs` and an entry of that table. [`Law::custom`] adds any other type that implements [`FiberLaw`];
+//! networks, trusses and RVE models treat it like a built-in law.
 //!
 //! # A custom law
 //!

@@ -27,7 +27,7 @@ macro_rules! laws {
             Table(Arc<Table>),
             /// Another law with buckling in compression; see [`Buckling`].
             Buckling {
-                /// The law in tension; it is not itself a `Buckling`.
+                /// The law in tension; files cannot hold one that is itself a `Buckling`.
                 law: Box<Law>,
                 /// See [`COMPRESSION`].
                 compression: f64,
@@ -61,7 +61,7 @@ macro_rules! laws {
                 }
             }
 
-            /// Returns the law of the table with the values of its parameters; `None` for the other variants.
+            /// Returns the law with scalar parameters and their values; `None` for the other variants.
             pub fn formula(&self) -> Option<(FormulaLaw, Vec<f64>)> {
                 match self {
                     $(&Self::$law { $($field),+ } => Some((FormulaLaw::$law, vec![$($field),+])),)+

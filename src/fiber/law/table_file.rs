@@ -13,8 +13,8 @@ impl Table {
     /// The first line may be a header; lines that begin with `#` are comments.
     ///
     /// # Errors
-    /// Returns all lines that are not points, or, if there is none, the first reason why the points do not define a
-    /// law; each with its line.
+    /// Returns the lines that are not points, at most 20 of them, or, if there is none, the first reason why the points
+    /// do not define a law; each error with its line.
     pub fn read(file: &Path) -> Result<Self, InputErrors> {
         let bytes = std::fs::read(file).map_err(|error| InputError::unreadable(file, &error))?;
         Self::parse(file, &bytes)

@@ -6,7 +6,7 @@ use std::fmt::Display;
 
 use super::{Comm, CommError, Disagreement, Message, Tag};
 
-/// Returns the parent of this rank in the binary tree with root `root`, and its children.
+/// Returns the parent and the children of this rank in the binary tree with root `root`.
 fn tree_neighbors<C: Comm>(comm: &C, root: usize) -> (Option<usize>, impl Iterator<Item = usize>) {
     let (size, position) = (comm.size(), (comm.rank() + comm.size() - root) % comm.size());
     let rank = move |position: usize| (position + root) % size;

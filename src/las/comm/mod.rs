@@ -1,8 +1,9 @@
 //! Ranks: processes, or threads of one process, that run concurrently on separate data and exchange messages.
 //!
-//! A communication backend implements point-to-point messages and `split` of [`Comm`]. The collectives (`barrier`,
-//! `broadcast`, `gather`, `gather_all`) have default implementations on top of them, which a backend overrides if its
-//! library has its own. Sums are taken in the order of the ranks, so that they are bitwise reproducible.
+//! A communication backend implements point-to-point messages, `split` and `duplicate` of [`Comm`]. The collectives
+//! (`barrier`, `broadcast`, `gather`, `gather_all`) have default implementations by point-to-point messages, which a
+//! backend overrides if its library has its own. Sums are taken in the order of the ranks, so that they are bitwise
+//! reproducible.
 //!
 //! If a rank fails, all other ranks end too: if the ranks are threads, their calls return [`CommError::Ended`] with the
 //! number and the error message of the failed rank; processes are aborted.
@@ -172,7 +173,7 @@ pub trait Comm: Clone + Send + 'static {
     fn probe(&self, from: usize, tag: Tag) -> Result<bool, CommError>;
 
     /// Splits the communicator into one per color; a rank without a color gets `None`. The ranks of a new communicator
-    /// are ordered by `key`, and by their previous rank if these are equal. Collective.
+    /// are ordered by `key`, and by their previous rank if the keys are equal. Collective.
     ///
     /// # Errors
     /// Returns [`CommError`] if the communication fails.
@@ -193,7 +194,8 @@ pub trait Comm: Clone + Send + 'static {
         self.start_send(to, tag, message)?.wait().map(drop)
     }
 
-    /// Sends byte slices in place, each to its rank, and waits until all sends are complete.
+    /// Sends byte slices, each to its rank, and waits until all sends are complete. An implementation may send them
+    /// without a copy.
     ///
     /// # Errors
     /// Returns the errors of [`start_send`](Self::start_send) and [`SendRequest::wait`].

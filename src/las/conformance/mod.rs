@@ -4,7 +4,7 @@
 //! sequences of vector and matrix operations, products, and linear systems. All cases follow from a seed, so that a
 //! failure is reproducible; a failing case is reduced and printed.
 //!
-//! A backend with one number per entry runs its required part with one call:
+//! One call runs the required part of the suite on a backend with one number per entry:
 //!
 //! ```
 //! # #[cfg(feature = "sparse")] {
@@ -23,7 +23,8 @@
 //!
 //! | function | tests | for |
 //! |---|---|---|
-//! | [`vectors`], [`matrices`], [`products`] | [`VectorOps`], [`MatrixOps`], [`MatVec`] | all backends, also with several lanes |
+//! | [`vectors`], [`matrices`], [`products`] | [`VectorOps`], [`MatrixOps`], [`MatVec`] | all backends, also with
+//! several lanes |
 //! | [`solvers`] | [`Solver`](super::Solver) | backends with one lane; [`Capabilities`] states what the solvers lack |
 //! | [`entries`], [`algebra`] | [`Entries`], [`MatMat`] | backends that implement these extensions |
 //!

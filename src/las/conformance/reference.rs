@@ -149,9 +149,9 @@ impl DenseReference {
     }
 
     /// Returns a symmetric matrix with random off-diagonal entries at the positions of a square pattern. The absolute
-    /// value of each diagonal entry exceeds the absolute sum of the rest of its row by one half; its sign is
-    /// `sign(row)`. Such a matrix is well-conditioned, and in every elimination order, each pivot has the sign of its
-    /// diagonal entry.
+    /// value of each diagonal entry exceeds the sum of the absolute values of the rest of its row by one half; its sign
+    /// is `sign(row)`. Such a matrix is well-conditioned, and in every elimination order, each pivot has the sign of
+    /// its diagonal entry.
     pub fn dominant(random: &mut Random, pattern: &Sparsity, sign: impl Fn(usize) -> f64) -> Self {
         let n = pattern.rows();
         let mut a = Self::zeros(n, n);

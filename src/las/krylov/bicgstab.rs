@@ -5,7 +5,7 @@ use num_traits::{Float, One, Zero};
 use super::{Ended, Run, combine};
 use crate::las::{Failure, SingleLane, VectorOps};
 
-/// Residual, product, shadow residual, direction, preconditioned vector, second product.
+/// Number of vectors: residual, product, shadow residual, direction, preconditioned vector, second product.
 pub(super) const VECTORS: usize = 6;
 
 /// Iterates from the residual in `vectors[0]`.

@@ -5,7 +5,7 @@ use num_traits::{Float, Zero};
 use super::{Ended, Run, combine};
 use crate::las::{Failure, SingleLane, VectorOps};
 
-/// Residual, product, direction, preconditioned residual.
+/// Number of vectors: residual, product, direction, preconditioned residual.
 pub(super) const VECTORS: usize = 4;
 
 /// Iterates from the residual in `vectors[0]`.

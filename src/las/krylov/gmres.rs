@@ -55,7 +55,7 @@ pub(super) fn run<B: SingleLane>(
             broke_down = true;
             break;
         }
-        // The Krylov space is invariant and contains the solution.
+        // The Krylov subspace is invariant and contains the solution.
         let exhausted = length <= before * B::Scalar::epsilon();
         if g[k + 1].abs() <= run.target || exhausted {
             break;

@@ -1,6 +1,6 @@
 //! Matrix Market files, for all backends.
 //!
-//! The reader supports `coordinate` and `array`; `real`, `integer` and `pattern` (entries of one); `general`,
+//! The reader supports `coordinate` and `array`; `real`, `integer` and `pattern` (all entries are 1); `general`,
 //! `symmetric` and `skew-symmetric`, as defined by R. F. Boisvert, R. Pozo and K. A. Remington (*The Matrix Market
 //! exchange formats: initial design*, NISTIR 5935, 1996). Repeated entries are added. The writer produces
 //! `coordinate real general` with enough digits to recover the values exactly.
@@ -67,7 +67,7 @@ fn pattern(rows: usize, cols: usize, entries: &[(u32, u32, f64)]) -> Result<Spar
     Sparsity::by_rows(cols, rows, |row, columns| columns.append(&mut lists[row]))
 }
 
-/// Writes a matrix to a file (the entries of this rank, on a distributed backend).
+/// Writes the entries that [`Entries::for_each`] visits to a file.
 ///
 /// # Errors
 /// Returns [`MarketError::Write`] if the file cannot be written, [`MarketError::Backend`] if the backend fails.

@@ -12,9 +12,9 @@ use super::{
 };
 use crate::las::{Factorization, Value};
 
-/// An eigenvalue above `-neutral_limit(tolerance)` times the largest diagonal entry is treated as zero: the remaining
-/// residual (relative to all forces) leaves forces in motions without stiffness, which cause a curvature of either
-/// sign.
+/// A negative eigenvalue above `-neutral_limit(tolerance)` times the largest diagonal entry is treated as zero: the
+/// forces that remain at convergence (up to `tolerance` relative to all forces) give motions without stiffness a
+/// curvature of either sign.
 ///
 /// For the usual tolerance of 1e-10 the limit is 1e-9: far above rounding errors, far below the stiffness of any
 /// elastic motion.
@@ -68,9 +68,9 @@ struct Bracket {
 }
 
 impl<B: Backend<Reduced: Scalar>> NewtonSystem<B> {
-    /// Classifies the Hessian at the state of the last evaluation, where the residual is within `tolerance` of its
-    /// scale. Afterwards the solver holds the factorization of the Hessian if it is [`Curvature::Definite`], and no
-    /// usable factorization otherwise.
+    /// Classifies the Hessian at the state of the last evaluation, where the residual norm is at most
+    /// [`ResidualScale::limit`](super::ResidualScale::limit) of `tolerance`. Afterwards the solver holds the
+    /// factorization of the Hessian if it is [`Curvature::Definite`], and no usable factorization otherwise.
     ///
     /// An iterative solver detects only what its preconditioner reveals ([`Solver::factor_definite`]).
     ///

@@ -56,11 +56,11 @@ pub struct NewtonReport {
     pub lu: usize,
     /// Number of preconditioner setups of an iterative solver.
     pub approximate: usize,
-    /// Total number of iterations of that solver.
+    /// Total number of iterations of the iterative solver.
     pub linear_iterations: usize,
     /// Number of factorizations that found a Jacobian declared positive definite to be indefinite.
     pub indefinite: usize,
-    /// Number of singular Jacobians (regularized Newton).
+    /// Number of factorizations that found the shifted Jacobian singular or too ill-conditioned (regularized Newton).
     pub singular: usize,
     /// Number of factorizations repeated with a larger shift of the diagonal (regularized Newton).
     pub shifts: usize,
@@ -112,7 +112,7 @@ pub enum NewtonError<E, F> {
     /// The residual or the Jacobian is undefined at a state, and shorter steps did not help.
     #[error(transparent)]
     Problem(E),
-    /// The residual of the initial state contains a NaN or an infinity.
+    /// The residual norm of the initial state, or its scale, is NaN or infinite.
     #[error("the residual of the initial state is not finite")]
     NotFinite,
     /// The iteration limit was reached.

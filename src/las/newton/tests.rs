@@ -256,7 +256,7 @@ fn the_curvature_distinguishes_minima_maxima_and_neutral_points() {
         let mut plain = equation(0.0, |_| 0.0, slope);
         system().curvature(&mut plain, 1e-12).unwrap()
     };
-    // With one unknown, the only pivot is also the largest.
+    // With one unknown, the pivot ratio is 1 for every nonzero Hessian, so that only an exact zero is neutral.
     assert_eq!(plain(|_| 0.0), Curvature::Neutral);
 }
 
@@ -348,7 +348,8 @@ fn a_saddle_point_is_left_along_its_negative_curvature() {
         let symbolic = Dense::<f64>::analyze(&(), &pattern, &SolverParams::new(Symmetry::Definite)).unwrap();
         NewtonSystem::new(&(), &pattern, &symbolic).unwrap()
     };
-    // A stiffness that is zero up to rounding, of either sign, or large, or a second negative one.
+    // The stiffness `s` is zero up to rounding (of either sign), large, or negative, which adds a second negative
+    // pivot.
     for (stiffness, negative) in [(1e-14, 1), (-1e-14, 1), (1e6, 1), (-0.5, 2)] {
         let mut saddle = Saddle { stiffness, ..Saddle::default() };
         let mut system = system();

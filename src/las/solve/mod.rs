@@ -18,7 +18,8 @@ pub(crate) type Failure<B> = SolveError<<B as Backend>::Error>;
 
 /// Factors matrices of one sparsity pattern and solves linear systems with them.
 ///
-/// Cholesky and LDL^T factorizations and solves allocate memory only in their first call.
+/// On `sparse` and `dense`, Cholesky and LDL^T factorizations and solves allocate memory only in their first call,
+/// unless a small pivot requires the search for a null vector or the number of right-hand sides grows.
 pub trait Solver<B: Backend>: Send {
     /// Factors `a`, or sets up the preconditioner of an iterative method, and discards the previous factorization.
     ///
@@ -30,7 +31,8 @@ pub trait Solver<B: Backend>: Send {
     /// rather than solve with it.
     ///
     /// An iterative method detects indefiniteness only through its preconditioner: by the signs of the diagonal, or of
-    /// the pivots of an incomplete factorization. Without a preconditioner it accepts every matrix.
+    /// the pivots of an incomplete factorization. Without a preconditioner it accepts every matrix. On `petsc`, it
+    /// tests the signs of the diagonal with any preconditioner.
     ///
     /// # Errors
     /// Returns [`SolveError::Indefinite`] if `a` is not positive definite, and the errors of [`Solver::factor`]; no

@@ -23,7 +23,8 @@ pub enum Symmetry {
 /// The ordering determines the fill-in of the factor. For unsymmetric matrices a column ordering is always used.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Ordering {
-    /// Of the available orderings, the one with the fewest predicted operations.
+    /// Of the available orderings, the one with the fewest predicted operations; minimum degree for small systems, and
+    /// where the other orderings save little.
     #[default]
     Auto,
     /// Approximate minimum degree.
@@ -57,7 +58,8 @@ pub enum Preconditioner {
     Diagonal,
     /// Incomplete LU factorization with a drop tolerance, ILUT (Saad 1994).
     Ilut {
-        /// Entries below this fraction of the mean absolute value of their row are dropped.
+        /// Multipliers (entries of `L`) up to this size are dropped, and so are entries of `U` up to this fraction of
+        /// the mean absolute value of their row of the matrix.
         drop_tolerance: f64,
         /// Number of off-diagonal entries kept in each row of either factor, the largest ones; `usize::MAX` keeps all.
         fill: usize,
@@ -98,7 +100,7 @@ impl Iterative {
     /// A method with tolerance 1e-10, at most 1000 iterations, and a default preconditioner: the diagonal for conjugate
     /// gradients, which need a symmetric positive definite preconditioner; ILUT(1e-3, 20) for the others.
     ///
-    /// The backend `petsc` does not support ILUT: choose another preconditioner there.
+    /// Only the backend `sparse` supports ILUT: choose another preconditioner on other backends.
     pub fn new(krylov: Krylov) -> Self {
         let preconditioner = match krylov {
             Krylov::Cg => Preconditioner::Diagonal,

@@ -24,7 +24,7 @@ pub struct FactorReport {
     pub indefinite_at: Option<usize>,
     /// Smallest over largest pivot, by absolute value: an inexpensive indicator of near singularity. For a library that
     /// does not expose its pivots (large sparse LU), an estimate of the reciprocal condition number; 1 if nothing was
-    /// factored.
+    /// factored, or if the library reports neither.
     pub pivot_ratio: f64,
     /// Number of negative pivots, with 2x2 blocks counted by their eigenvalues; by Sylvester's law of inertia, the
     /// number of negative eigenvalues of the matrix. 0 for Cholesky; `None` for LU, whose pivots do not determine it,

@@ -10,14 +10,14 @@ pub struct Pattern {
     pub columns: Box<[u32]>,
 }
 
-/// A matrix; it has one value more than the pattern, which receives dropped entries.
+/// A matrix. `values` has one element more than the pattern has entries; that element receives dropped entries.
 pub struct Csr<T> {
     pub pattern: Arc<Pattern>,
     pub values: Vec<T>,
 }
 
-/// Returns the position of a column in a row: the position after the last one found, or by bisection. Returns
-/// `usize::MAX` if the column is not in the row, which includes negative columns.
+/// Returns the position of a column in a row: tries the position after the last one found, then bisects. Returns
+/// `usize::MAX` if the column is not in the row, as for negative columns.
 #[inline(always)]
 fn find(columns: &[u32], next: &mut usize, column: i32) -> usize {
     let column = column as u32;

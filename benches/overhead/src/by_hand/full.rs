@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::slices;
 
-/// A matrix; it has one value more than entries, which receives dropped entries.
+/// A matrix. `values` has one element more than the matrix has entries; that element receives dropped entries.
 pub struct Full {
     pub rows: usize,
     pub cols: usize,

@@ -1,8 +1,8 @@
 //! The code of a caller who uses the backends by hand: plain arrays and loops, or PETSc's functions, without any trait
-//! or code of this crate.
+//! or code of biotissue.
 //!
-//! It has the same semantics as LAS: negative indices and entries outside the pattern are dropped, and nothing is read
-//! or written out of bounds.
+//! It has the same semantics as LAS, except for PETSc's matrix functions, which do not check indices: negative indices
+//! and entries outside the pattern are dropped, and nothing is read or written out of bounds.
 
 pub mod csr;
 pub mod four;

@@ -65,7 +65,7 @@ pub struct Matrix {
 }
 
 impl Matrix {
-    /// Sets the option that zeroed rows keep their entries, as in LAS.
+    /// Sets the option that keeps the entries of zeroed rows in the sparsity pattern, as in LAS.
     pub fn keep_pattern(self) -> Outcome<Self> {
         /// `MAT_KEEP_NONZERO_PATTERN`.
         const KEEP_PATTERN: c_int = 6;

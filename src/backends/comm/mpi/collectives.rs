@@ -1,7 +1,7 @@
 //! The collectives of MPI, in their nonblocking form: a waiting rank polls them like messages, so that it does not take
 //! a core from working ranks.
 //!
-//! The default implementations by messages remain in two cases:
+//! The default implementations by messages are used in two cases:
 //! * The communicator has a time-out. The error names the rank whose message is missing, which MPI does not report;
 //!   and MPI can neither cancel nor free a collective that has not completed.
 //! * The data is too long for the 32 bits in which MPI counts bytes.

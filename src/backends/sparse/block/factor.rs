@@ -29,8 +29,8 @@ impl<T: BlockScalar> BlockCholesky<T> {
         }
     }
 
-    /// Factors the matrix with these values, reading one of two mirrored values. There are three positions of pivots
-    /// per node.
+    /// Factors the matrix with these values; of each pair of entries `(i, j)` and `(j, i)`, it reads only one. Each
+    /// node has three pivot positions.
     pub(in crate::backends::sparse) fn factor(
         &mut self,
         analysis: &SymbolicBlockCholesky,
@@ -39,7 +39,7 @@ impl<T: BlockScalar> BlockCholesky<T> {
         self.factor_with(SimdLevel::of_machine(), analysis, values)
     }
 
-    /// The same with registers of at most this width.
+    /// Does the same as [`Self::factor`], with the instructions of at most this level.
     pub(super) fn factor_with(
         &mut self,
         level: SimdLevel,

@@ -16,7 +16,7 @@
 //! blocks above the diagonal blocks are scratch.
 //!
 //! The factorization is left-looking: a supernode loads the values of the matrix, subtracts the contributions of the
-//! earlier supernodes that update it, and is then factored. All three steps are products of panel rows,
+//! earlier supernodes that update it, and is then factored. The last two steps are products of panel rows,
 //! `sum_k a_k b_k^T` over the columns of both, with the sums of three or six rows at a time kept in registers.
 
 #![allow(

@@ -1,9 +1,9 @@
-//! Arithmetic on four numbers at once, with vector registers selected at run time.
+//! Arithmetic on four numbers at once, with vector instructions selected at run time.
 //!
 //! A node has three unknowns, so a column of a block has three rows; the fourth lane is zero. This wastes a quarter of
 //! the multiplications but avoids all shuffles.
 //!
-//! Every function that the kernels call must be inlined into the function that is compiled for these registers;
+//! Every function that the kernels call must be inlined into the function that is compiled for these instructions;
 //! otherwise it is compiled without them. This requires neither link-time optimization nor a single codegen unit,
 //! provided that the kernels pass no vectors through the closures of `array::map` and `array::from_fn`, which the
 //! compiler may not inline.
@@ -55,10 +55,10 @@ pub trait WithSimd<T> {
     fn with_simd<S: Simd<T>>(self, simd: S) -> Self::Output;
 }
 
-/// The widest registers that a kernel may use.
+/// The vector instructions that a kernel may use; each level includes the previous ones.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum SimdLevel {
-    /// The registers that every machine of the target has.
+    /// The instructions that every machine of the target has.
     Portable,
     /// AVX2 with fused multiply-add.
     #[cfg(target_arch = "x86_64")]
@@ -69,7 +69,7 @@ pub enum SimdLevel {
 }
 
 impl SimdLevel {
-    /// Returns the widest registers of this machine.
+    /// Returns the highest level that this machine supports.
     #[inline]
     pub(in crate::backends::sparse) fn of_machine() -> Self {
         #[cfg(target_arch = "x86_64")]
@@ -85,7 +85,7 @@ impl SimdLevel {
 
 /// A scalar type for 3x3 blocks: `f64` or `f32`.
 pub trait BlockScalar: Scalar + RealField {
-    /// Runs a kernel with registers of the given width, or the next narrower ones that this machine has.
+    /// Runs a kernel with the instructions of the given level, or of the next lower one that this machine supports.
     fn dispatch<K: WithSimd<Self>>(level: SimdLevel, kernel: K) -> K::Output;
 }
 

@@ -204,7 +204,7 @@ fn backward_one<T: Scalar, S: Simd<T>>(simd: S, panel: &Panel<'_, T>, x: &mut [C
 /// `Q` quads of right-hand sides of a node: one row for each of its unknowns, right-hand sides in the lanes.
 type Rows<T, const Q: usize> = [[Column<T>; Q]; BLOCK];
 
-/// The same in registers.
+/// [`Rows`] in registers.
 type Sums<S, T, const Q: usize> = [[<S as Simd<T>>::Quad; Q]; BLOCK];
 
 /// The kernel for several right-hand sides.

@@ -27,8 +27,8 @@ pub(super) fn blocks(
             let other = node_of[unknown as usize] as usize;
             let at = start + k as u32;
             k += graph.size(other);
-            // A row of the mirrored block is a column of this one; of the two blocks, the code takes the one that needs
-            // no transposition.
+            // The matrix is symmetric: a row of its block `(node, other)` is a column of block `(other, node)` of the
+            // factor. Reading `(node, other)` avoids a transposition.
             let row_of_factor = tree.position[other] as usize;
             if row_of_factor < column {
                 continue;

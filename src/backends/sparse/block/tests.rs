@@ -131,7 +131,7 @@ const LEVELS: [SimdLevel; 3] = [SimdLevel::Portable, SimdLevel::Avx2, SimdLevel:
 #[cfg(not(target_arch = "x86_64"))]
 const LEVELS: [SimdLevel; 1] = [SimdLevel::Portable];
 
-/// Returns the register widths of this machine; records that the tests of the others are skipped.
+/// Returns the levels that this machine supports; records that the tests of the others are skipped.
 fn levels() -> impl Iterator<Item = SimdLevel> {
     let (has, has_not) = LEVELS.into_iter().partition::<Vec<_>, _>(|&level| level <= SimdLevel::of_machine());
     if !has_not.is_empty() {
@@ -140,7 +140,7 @@ fn levels() -> impl Iterator<Item = SimdLevel> {
     has.into_iter()
 }
 
-/// Every block of the factor agrees with a dense factorization, for all registers of this machine.
+/// Every block of the factor agrees with a dense factorization, for all levels that this machine supports.
 #[test]
 fn factors_are_those_of_a_dense_factorization() {
     let mut random = Random::new(1);
@@ -149,7 +149,7 @@ fn factors_are_those_of_a_dense_factorization() {
     }
 }
 
-/// The same for random patterns in which most nodes are padded.
+/// Factors agree also for random patterns in which a third to all of the nodes are padded.
 #[test]
 fn factors_of_padded_nodes_are_those_of_a_dense_factorization() {
     for seed in 0..60 {
@@ -212,8 +212,8 @@ fn lower<T: Scalar>(analysis: &SymbolicBlockCholesky, panels: &[Column<T>]) -> V
     numbers
 }
 
-/// All register widths agree up to rounding, in both precisions, also in the position where a matrix is not definite;
-/// widths with fused multiply-add agree bitwise.
+/// All levels agree up to rounding, in both precisions, also in the position where a matrix is not definite; levels
+/// with fused multiply-add agree bitwise.
 fn levels_agree<T: SparseScalar>() {
     for seed in 0..40 {
         let mut random = Random::new(seed);
@@ -268,7 +268,7 @@ fn bodies_on_rollers_are_factored_by_blocks_and_scalar_matrices_are_not() {
 fn solver<T: SparseScalar>(pattern: &Arc<Sparsity>, ordering: Ordering) -> (Arc<Symbolic>, Solver<T>) {
     let mut params = SolverParams::new(Symmetry::Definite);
     params.ordering = ordering;
-    // Wide enough that rounding in a singular matrix stays below it.
+    // The limit is above the rounding errors in the pivots of a singular matrix.
     params.singular_below = Some(1e3 * T::epsilon().as_f64());
     let symbolic = Sparse::<T>::analyze(&(), pattern, &params).unwrap();
     assert!(symbolic.blocks.is_some());
@@ -368,7 +368,7 @@ fn singular_and_nearly_singular_matrices_are_distinguished() {
             let (_, weak) = chain(60, held);
             let report = solver.factor(&weak).unwrap();
             assert_eq!(report.kind, Factorization::Cholesky);
-            // The last pivot is the remainder of the spring that holds the chain.
+            // The smallest pivot is of the order of the stiffness of the spring that holds the chain.
             assert!(report.pivot_ratio < 1.5 * held && report.pivot_ratio > 0.01 * held, "{:e}", report.pivot_ratio);
             let pull: Vec<f64> = (0..180).map(|i| if i == 177 { held } else { 0.0 }).collect();
             solver.solve_many(&[pull.into()], &mut x).unwrap();

@@ -12,7 +12,7 @@ use pulp::{NullaryFnOnce, cast, f32x4, f64x4};
 
 use super::simd::{BlockScalar, Portable, QUAD_LEN, Simd, SimdLevel, WithSimd};
 
-/// A kernel for scalars `T`, and the proof `S` that this machine supports the registers.
+/// A kernel for scalars `T`, and the proof `S` that this machine supports the instructions.
 struct With<S, K, T> {
     simd: S,
     kernel: K,

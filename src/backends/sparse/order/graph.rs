@@ -145,7 +145,7 @@ mod tests {
         assert_eq!(Graph::new(&pattern(0, &[], &[])).nodes(), 0);
     }
 
-    /// Nodes of a body, some of whose components are prescribed.
+    /// Nodes of a body, some of whose displacements are prescribed.
     #[test]
     fn nodes_with_fewer_unknowns_are_found_between_those_with_three() {
         let nodes: [&[i32]; 5] = [&[0, 1, 2], &[3], &[4, 5], &[6, 7, 8], &[9, 10]];

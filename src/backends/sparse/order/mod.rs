@@ -24,7 +24,7 @@ pub(super) use tree::{Tree, inverse};
 /// Marks a missing node or position.
 pub(super) const NONE: u32 = u32::MAX;
 
-/// The size of the parts that nested dissection orders by minimum degree.
+/// The largest size of the parts that nested dissection orders by minimum degree.
 const LEAF_SIZE: usize = 12;
 
 /// The ratio of operations below which an order is preferred to minimum degree, whose long chains give better

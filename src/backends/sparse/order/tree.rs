@@ -116,7 +116,7 @@ impl Tree {
         nodes.map(|(&height, &size)| operations_of_node(height, size)).sum()
     }
 
-    /// Returns the same with every node padded to [`BLOCK`] unknowns.
+    /// Returns the operations of a factorization in which every node is padded to [`BLOCK`] unknowns.
     pub(in crate::backends::sparse) fn padded_operations(&self) -> f64 {
         self.counts.iter().map(|&count| operations_of_node(BLOCK as u32 * count, BLOCK as u32)).sum()
     }

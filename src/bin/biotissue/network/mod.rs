@@ -51,7 +51,7 @@ fn laws_of(network: &Network) -> Sidecar {
     Sidecar { material: one_law, fiber_types: FiberTypes::of(network), ..Sidecar::default() }
 }
 
-/// Writes a network and the files beside it: first the network, then its materials, then its origin.
+/// Writes a network and the files beside it with its materials and its origin.
 fn write(path: &Path, network: &Network, sidecar: &Sidecar) -> Result<(), Failure> {
     output::make_folder_of(path)?;
     if biotissue::output::is_stream(path) {
@@ -95,7 +95,7 @@ fn json_of_network(report: &NetworkReport, network: &Network) -> serde_json::Val
     object
 }
 
-/// Returns the same properties and those of the file.
+/// Returns the properties of [`json_of_network`] and those of the file.
 fn json_of_file(report: &NetworkReport, read: &NetworkFile) -> serde_json::Value {
     let mut object = json_of_network(report, &read.network);
     object["cube"] = json!({ "lower": read.cube.lower, "edges": read.cube.edges });

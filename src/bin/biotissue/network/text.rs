@@ -1,4 +1,4 @@
-//! Text descriptions of a network. Writing to a string cannot fail, so these results are ignored.
+//! Text descriptions of a network. Writing to a string cannot fail, so the results of `write!` are ignored.
 
 use std::fmt::Write as _;
 

@@ -70,8 +70,8 @@ pub fn started_by_mpirun() -> Option<usize> {
     ["OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "MV2_COMM_WORLD_SIZE", "SLURM_STEP_NUM_TASKS"].into_iter().find_map(of)
 }
 
-/// Returns the number of ranks of a run in this process: `requested`, or the number in the case; `None` for a run
-/// without ranks.
+/// Returns the number of ranks of a run in this process: `requested`, or else the smallest number for the plan or the
+/// case; `None` for a run without ranks.
 pub fn of_threads(requested: Option<usize>, scales: ScalesCase, plan: Option<&Plan>) -> Option<usize> {
     let planned = plan.map_or(scales.least(), Plan::min_ranks);
     // If the case names more ranks than `requested`, `Scales` reports the error.
@@ -79,7 +79,7 @@ pub fn of_threads(requested: Option<usize>, scales: ScalesCase, plan: Option<&Pl
 }
 
 /// Checks the scales of a configuration file, which may name any scales and relations: a body has exactly two scales,
-/// each with relations to the other.
+/// with relations in both directions or none.
 pub fn check_scales(config: &Config, file: &Path) -> Result<(), Failure> {
     let mut names: Vec<&str> = config.plan.scales.iter().map(|(name, _)| name.as_str()).collect();
     names.sort_unstable();
@@ -188,8 +188,8 @@ fn ranks_failed(error: &impl std::fmt::Display) -> Failure {
     )
 }
 
-/// Runs the main function of the scale of this rank. The root of the macro scale returns the outcome of the run,
-/// including an orderly failure; an outer error is one that the other ranks do not know of.
+/// Runs the main function of the scale of this rank. The root of the macro scale returns the outcome of the run, which
+/// may be a failure that all ranks know of; an outer error is one that the other ranks do not know of.
 fn rank<C: Ranks>(world: &C, run: &RunContext<'_>) -> Result<Option<Outcome>, Failure> {
     let plan = match &run.plan {
         Some((plan, _)) => plan.clone(),

@@ -24,7 +24,7 @@ pub struct RveResult {
     /// `None` if there is no equilibrium.
     #[serde(flatten)]
     pub state: Option<State>,
-    /// `None` if no stage found an equilibrium, stable or not.
+    /// `None` if no stage found an equilibrium, stable or not, or if a fiber force is excessive.
     #[serde(flatten)]
     pub stability: Option<Stability>,
     #[serde(rename = "ladder")]

@@ -29,7 +29,7 @@ pub struct Removed {
     pub dangling_fibers: usize,
     /// Number of fibers of components that are not connected to the boundary.
     pub unsupported_fibers: usize,
-    /// Number of nodes without a remaining fiber.
+    /// Number of nodes removed because no fiber is left at them.
     pub nodes: usize,
 }
 

@@ -14,7 +14,7 @@
 use super::GenerateError;
 use super::portable::{atan, cbrt};
 
-/// The maximum strength: at 0.95 the network is stretched 47 times more along the axis than across it.
+/// The maximum strength: at 0.95 the network is stretched 46 times more along the axis than across it.
 pub const MAX_STRENGTH: f64 = 0.95;
 
 /// A preferred direction of fibers.

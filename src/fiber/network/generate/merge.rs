@@ -163,7 +163,7 @@ mod tests {
         let fibers = vec![[0, 2], [1, 2], [2, 3], [3, 4]];
         let merged = Clipped { nodes, fibers, on_face: vec![true, true, false, false, true] }
             .merge_short_fibers(0.1, Stretch::of(NONE));
-        // The node merges into the first boundary node; the second one, then joined to that node only, is dropped.
+        // Node 2 merges into boundary node 0; boundary node 1, then joined to node 0 only, is dropped.
         assert_eq!(merged.nodes, [[-0.5, 0.49, 0.0], [0.0; 3], [0.0, 0.0, 0.5]]);
         assert_eq!(merged.fibers, [[0, 1], [1, 2]]);
     }

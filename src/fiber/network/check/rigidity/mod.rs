@@ -85,7 +85,7 @@ pub enum RigidityError<F: std::error::Error> {
     /// The backend cannot factor the stiffness.
     #[error("the stiffness cannot be factored: {0}")]
     Solve(#[from] SolveError<F>),
-    /// No shift gave a factorization with nonzero pivots.
+    /// No shift gave a factorization with nonzero pivots whose negative ones the backend counts.
     #[error("every tried shift of the stiffness has a zero pivot")]
     Undecided,
 }

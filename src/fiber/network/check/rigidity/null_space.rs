@@ -20,8 +20,8 @@ const MAX_BASIS: usize = 400;
 const PROBES: usize = 64;
 /// Number of right-hand sides per solve.
 const BATCH: usize = 16;
-/// Number of inverse iterations. Each damps the components outside the null space by at least a thousand if the
-/// smallest nonzero eigenvalue of the stiffness is a thousand times the shift.
+/// Number of inverse iterations. Each damps the components outside the null space by a factor of at least a thousand if
+/// the smallest nonzero eigenvalue of the stiffness is a thousand times the shift.
 const ITERATIONS: usize = 4;
 
 /// Returns the mobility of every interior node, and whether it is an estimate; `solver` contains the factorization of
