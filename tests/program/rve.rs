@@ -15,7 +15,7 @@ fn rve(gradient: &str, options: &str) -> Outcome {
     of(Path::new("."), &frozen(), gradient, options)
 }
 
-/// The same for a network in a folder.
+/// Runs `biotissue rve` like [`rve`], on a network in a folder.
 fn of(folder: &Path, network: &str, gradient: &str, options: &str) -> Outcome {
     let mut arguments = vec!["rve", network, "--F", gradient];
     arguments.extend(options.split_whitespace());
@@ -317,7 +317,7 @@ fn failing_increments_are_reported_or_replaced_by_one_increment() {
     let (once, in_steps) = (press("--json --dump once.json").object(), press("--json --steps 10 --dump last.json"));
     let answer: Value = serde_json::from_str(in_steps.done()).unwrap();
     assert_eq!(line(folder.path(), "rve --replay last.json --json").object()["pk1"], answer["pk1"]);
-    // Which step fails depends on rounding.
+    // Whether a step fails, and which, depends on rounding.
     if !in_steps.stderr.is_empty() {
         assert!(in_steps.stderr.starts_with("warning: step "), "{}", in_steps.stderr);
         assert!(in_steps.stderr.contains(" of 10 of va.txt: no equilibrium; "), "{}", in_steps.stderr);

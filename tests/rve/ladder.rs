@@ -164,7 +164,7 @@ fn a_bad_prediction_does_not_change_the_result() {
     let (mut rve, f) = (bench.at_rest(), Matrix3::from_diagonal(&[1.1, 1.0, 0.95].into()));
     bench.solve(&mut rve, &Matrix3::identity()).unwrap();
     let nodes = rve.interior().len();
-    // Sensitivities that move every node far out of the cube, each in another direction.
+    // Sensitivities that move every node far out of the cube, each by another amount.
     let rates = (0..nodes).map(|node| [1e3 * (node as f32 + 1.0).sin(); 18]).collect();
     let mut astray = Rve::restored(Matrix3::identity(), rve.interior().to_vec(), Some(rates));
     let (before, params) = (astray.clone(), bench.params);
