@@ -23,8 +23,7 @@
 //!
 //! | function | tests | for |
 //! |---|---|---|
-//! | [`vectors`], [`matrices`], [`products`] | [`VectorOps`], [`MatrixOps`], [`MatVec`] | all backends, also with
-//! several lanes |
+//! | [`vectors`], [`matrices`], [`products`] | [`VectorOps`], [`MatrixOps`], [`MatVec`] | all, of several lanes too |
 //! | [`solvers`] | [`Solver`](super::Solver) | backends with one lane; [`Capabilities`] states what the solvers lack |
 //! | [`entries`], [`algebra`] | [`Entries`], [`MatMat`] | backends that implement these extensions |
 //!
