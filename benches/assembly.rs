@@ -11,6 +11,7 @@ use std::sync::Arc;
 use biotissue::backends::dense::Dense;
 use biotissue::backends::sparse::Sparse;
 use biotissue::fem::assembly::{self, Assembler, Unknowns, local};
+use biotissue::fem::element::{self, reference::Tet4};
 use biotissue::fem::material::NeoHookean;
 use biotissue::fem::mesh::shapes;
 use biotissue::fem::point_field::{FormulaField, PointField, PointResponses};
@@ -30,10 +31,15 @@ fn body<B: RealBackend<Index = i32>>(c: &mut Criterion, context: &B::Context, ce
     let pattern = Arc::new(unknowns.pattern(&mesh).expect("a pattern"));
     let mut matrix = B::matrix(context, &pattern).expect("a matrix");
     let geometry = assembly::geometry(&mesh).expect("positive volumes");
-    let assembler = Assembler::<B>::new(geometry, &mesh, &unknowns, &matrix).expect("located");
+    let assembler = Assembler::<B>::new(geometry, &unknowns, &matrix).expect("located");
+    let points_of = |nodes: &[u32]| {
+        let corners = std::array::from_fn(|a| mesh.nodes()[nodes[a] as usize]);
+        element::geometry::<Tet4, 4, 1>(&corners).expect("positive volumes")
+    };
+    let points: Vec<_> = mesh.elements().iter().map(points_of).collect();
     let gradients = vec![Matrix3::new(1.1, 0.05, 0.0, 0.0, 0.95, 0.02, 0.0, 0.0, 1.0); mesh.elements().len()];
     let mut responses = PointResponses::zeros(gradients.len());
-    let mut field = FormulaField::uniform(NeoHookean { mu: 3846.0, lambda: 5769.0 }, gradients.len());
+    let mut field = FormulaField::uniform(NeoHookean { mu: 3846.0, lambda: 5769.0 }, &mesh);
     field.update(&gradients, &mut responses).expect("not inverted");
     let number = |node: u32, component: usize| unknowns.equation_numbers()[3 * node as usize + component];
     let rows: Vec<[i32; 12]> =
@@ -44,8 +50,8 @@ fn body<B: RealBackend<Index = i32>>(c: &mut Criterion, context: &B::Context, ce
     group.sample_size(30);
     group.bench_function("blocks alone", |b| {
         b.iter(|| {
-            for (element, tangent) in assembler.geometry().iter().zip(&responses.tangent) {
-                black_box(local::stiffness(element, black_box(tangent)));
+            for (points, tangent) in points.iter().zip(responses.tangent.as_chunks().0) {
+                black_box(local::stiffness(points, black_box(tangent)));
             }
         });
     });
@@ -57,8 +63,9 @@ fn body<B: RealBackend<Index = i32>>(c: &mut Criterion, context: &B::Context, ce
     });
     group.bench_function("add", |b| {
         b.iter(|| {
-            for ((element, tangent), rows) in assembler.geometry().iter().zip(&responses.tangent).zip(&rows) {
-                matrix.add(rows, rows, &local::stiffness(element, black_box(tangent))).expect("no error");
+            for ((points, tangent), rows) in points.iter().zip(responses.tangent.as_chunks().0).zip(&rows) {
+                let block = local::stiffness(points, black_box(tangent));
+                matrix.add(rows, rows, local::entries(&block)).expect("no error");
             }
             matrix.finish().expect("no error");
         });

@@ -29,8 +29,8 @@ fn iteration(c: &mut Criterion, name: &str, fixed: impl Fn([f64; 3], usize) -> b
     let pattern = Arc::new(unknowns.pattern(&mesh).expect("a pattern"));
     let mut matrix = Sparse::<f64>::matrix(&(), &pattern).expect("a matrix");
     let geometry = assembly::geometry(&mesh).expect("positive volumes");
-    let assembler = Assembler::<Sparse>::new(geometry, &mesh, &unknowns, &matrix).expect("located");
-    let mut field = FormulaField::uniform(NeoHookean { mu: 3846.0, lambda: 5769.0 }, elements);
+    let assembler = Assembler::<Sparse>::new(geometry, &unknowns, &matrix).expect("located");
+    let mut field = FormulaField::uniform(NeoHookean { mu: 3846.0, lambda: 5769.0 }, &mesh);
     let displacements: Vec<[f64; 3]> =
         mesh.nodes().iter().map(|x| [0.1 * x[0], 0.02 * x[0] * x[1], -0.03 * x[2]]).collect();
     let (mut gradients, mut responses) = (Vec::new(), PointResponses::zeros(elements));

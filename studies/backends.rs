@@ -252,7 +252,7 @@ where
     params.newton.tolerance = 1e-10;
     let mesh = Arc::clone(mesh);
     Box::new(move || {
-        let field = FormulaField::uniform(NeoHookean { mu: 3846.0, lambda: 5769.0 }, mesh.elements().len());
+        let field = FormulaField::uniform(NeoHookean { mu: 3846.0, lambda: 5769.0 }, &mesh);
         let mut stepper = Stepper::<B, _>::new(context, Arc::clone(&mesh), &conditions, field, params)?;
         let report = stepper.step(&mut ())?;
         let seconds = report.solves.iter().map(|newton| newton.seconds);

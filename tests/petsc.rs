@@ -588,7 +588,7 @@ fn stretched_body(context: &Context) {
     let mesh = Arc::new(bar_of_24::mesh());
     let mut order: Vec<u32> = (0..mesh.nodes().len() as u32).collect();
     for _ in 0..2 {
-        let field = FormulaField::uniform(NeoHookean { mu, lambda }, 24);
+        let field = FormulaField::uniform(NeoHookean { mu, lambda }, &mesh);
         let params = StepParams { count: 4, ..StepParams::default() };
         let mut stepper =
             Stepper::<Petsc, _>::in_order(&order, context, Arc::clone(&mesh), &conditions, field, params).unwrap();
@@ -624,9 +624,9 @@ fn factored(
     let unknowns = Unknowns::new(mesh.nodes().len(), |node, _| fixed(mesh.nodes()[node])).unwrap();
     let pattern = Arc::new(unknowns.pattern(&mesh).unwrap());
     let mut matrix = Petsc::matrix(context, &pattern).unwrap();
-    let assembler = Assembler::<Petsc>::new(geometry(&mesh).unwrap(), &mesh, &unknowns, &matrix).unwrap();
+    let assembler = Assembler::<Petsc>::new(geometry(&mesh).unwrap(), &unknowns, &matrix).unwrap();
     let at_rest = NeoHookean { mu: 3.0, lambda: 5.0 }.evaluate(&Matrix3::identity()).unwrap().tangent;
-    assembler.stiffness(&vec![at_rest; mesh.elements().len()], &mut matrix).unwrap();
+    assembler.stiffness(&vec![at_rest; mesh.points().len()], &mut matrix).unwrap();
     matrix.finish().unwrap();
     let symbolic = Petsc::analyze(context, &pattern, &SolverParams::new(symmetry)).unwrap();
     Petsc::solver(&symbolic).unwrap().factor(&matrix)

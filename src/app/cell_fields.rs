@@ -1,14 +1,17 @@
-//! The fields of the elements in the field files.
+//! The fields of the elements in the field files: values of integration points and their averages.
 
 use nalgebra::Matrix3;
 
 use crate::fem::equilibrium::BodyState;
+use crate::fem::mesh::PointNumbering;
+use crate::fiber::orientation::principal;
 use crate::tensor::{row_major, von_mises};
 use crate::tissue::micro_scale::{PointSummary, RveStatus};
 
-/// The element fields, collected for the writer.
+/// The fields of all integration points or of all elements, collected for the writer.
 #[derive(Default)]
 pub(super) struct CellFields {
+    pub energy: Vec<f64>,
     pub cauchy: Vec<[f64; 9]>,
     pub gradient: Vec<[f64; 9]>,
     pub von_mises: Vec<f64>,
@@ -23,20 +26,21 @@ pub(super) struct CellFields {
 }
 
 impl CellFields {
+    /// Collects the fields of all integration points.
     pub fn new(
         state: &BodyState,
         stress: impl Fn(usize, &Matrix3<f64>, &Matrix3<f64>) -> Matrix3<f64>,
         summaries: &[Option<PointSummary>],
         status: impl Fn(usize) -> Option<RveStatus>,
     ) -> Self {
-        let mut cells = Self::default();
+        let mut cells = Self { energy: state.responses.energy.clone(), ..Self::default() };
         let states = state.gradients.iter().zip(&state.responses.pk1);
-        for (element, ((f, pk1), summary)) in states.zip(summaries).enumerate() {
-            let cauchy = stress(element, f, pk1);
+        for (point, ((f, pk1), summary)) in states.zip(summaries).enumerate() {
+            let cauchy = stress(point, f, pk1);
             cells.von_mises.push(von_mises(&cauchy));
             cells.cauchy.push(row_major(&cauchy));
             cells.gradient.push(row_major(f));
-            // Elements without fibers have 0 in the fiber fields, and -1 in `iterations` and `network`.
+            // Points without fibers have 0 in the fiber fields, and -1 in `iterations` and `network`.
             let s = summary.as_ref();
             cells.orientation.push(s.map_or([0.0; 9], |s| row_major(&s.orientation.into())));
             cells.direction.push(s.map_or([0.0; 3], |s| s.direction));
@@ -44,7 +48,7 @@ impl CellFields {
             cells.stretch_min.push(s.map_or(0.0, |s| s.stretch[0]));
             cells.stretch_max.push(s.map_or(0.0, |s| s.stretch[1]));
             cells.iterations.push(s.map_or(-1, |s| s.iterations as i64));
-            cells.status.push(status(element).map_or(-1, |status| match status {
+            cells.status.push(status(point).map_or(-1, |status| match status {
                 RveStatus::Awake => 0,
                 RveStatus::Asleep => 1,
                 RveStatus::Waiting => 2,
@@ -54,4 +58,45 @@ impl CellFields {
         }
         cells
     }
+
+    /// Returns the fields of the elements, given those of the points and the volumes of the points. Numbers and tensors
+    /// are averaged by volume, except for the smallest and the largest stretch, the most iterations and the highest
+    /// status; the fiber direction and the alignment are those of the averaged orientation tensor, and the network is
+    /// that of the first point.
+    pub fn averaged(self, points: &PointNumbering, volumes: &[f64]) -> Self {
+        if points.len() == points.elements() {
+            return self;
+        }
+        let mut cells = Self::default();
+        for element in 0..points.elements() {
+            let of = points.of_element(element);
+            let weights = &volumes[of.clone()];
+            cells.energy.push(average(weights, self.energy[of.clone()].iter().map(|&value| [value]))[0]);
+            cells.von_mises.push(average(weights, self.von_mises[of.clone()].iter().map(|&value| [value]))[0]);
+            cells.cauchy.push(average(weights, self.cauchy[of.clone()].iter().copied()));
+            cells.gradient.push(average(weights, self.gradient[of.clone()].iter().copied()));
+            let orientation = average(weights, self.orientation[of.clone()].iter().copied());
+            let has_fibers = self.network[of.start] >= 0;
+            let (direction, largest) = principal(&Matrix3::from_row_slice(&orientation));
+            cells.orientation.push(orientation);
+            cells.direction.push(if has_fibers { direction.into() } else { [0.0; 3] });
+            cells.alignment.push(if has_fibers { largest - 1.0 / 3.0 } else { 0.0 });
+            cells.stretch_min.push(self.stretch_min[of.clone()].iter().copied().fold(f64::INFINITY, f64::min));
+            cells.stretch_max.push(self.stretch_max[of.clone()].iter().copied().fold(f64::NEG_INFINITY, f64::max));
+            let highest = |values: &[i64]| values[of.clone()].iter().copied().max().unwrap_or(-1);
+            cells.iterations.push(highest(&self.iterations));
+            cells.status.push(highest(&self.status));
+            cells.network.push(self.network[of.start]);
+        }
+        cells
+    }
+}
+
+/// Returns the weighted average of the values of an element's points.
+fn average<const N: usize>(weights: &[f64], values: impl Iterator<Item = [f64; N]>) -> [f64; N] {
+    let (mut sum, total) = ([0.0; N], weights.iter().sum::<f64>());
+    for (value, weight) in values.zip(weights) {
+        sum.iter_mut().zip(value).for_each(|(sum, value)| *sum += value * weight);
+    }
+    sum.map(|sum| sum / total)
 }

@@ -55,8 +55,10 @@ pub(super) struct Recorder<'a> {
     log: LogWriter,
     fields: Collection,
     networks: NetworkFiles,
-    /// Reference volume of every element.
+    /// Reference volume of every integration point.
     volumes: Vec<f64>,
+    /// Region of every integration point.
+    region_of: Vec<u32>,
     stress: CauchyStress,
     /// The field files in the collection.
     written: Vec<FieldFile>,
@@ -68,12 +70,12 @@ pub(super) struct Recorder<'a> {
 
 impl<'a> Recorder<'a> {
     /// Creates the directory and its files. A run from the beginning removes the results of an earlier run; a resumed
-    /// one keeps those up to the step that it continues from. `elements` are those whose networks are written.
+    /// one keeps those up to the step that it continues from. `rves` are the integration points whose networks are written.
     pub fn open(
         dir: &Path,
         case: &Case,
         mesh: &Mesh,
-        elements: &[usize],
+        rves: &[usize],
         resumed: Option<&ResumePoint>,
         progress: &'a mut dyn Progress,
     ) -> Result<Self, ResultsError> {
@@ -117,8 +119,9 @@ impl<'a> Recorder<'a> {
             loads,
             log,
             fields,
-            networks: NetworkFiles::open(dir, elements, resumed.map(|on| on.progress))?,
-            volumes: (0..mesh.elements().len()).map(|element| mesh.element_volume(element)).collect(),
+            networks: NetworkFiles::open(dir, rves, mesh.points(), resumed.map(|on| on.progress))?,
+            volumes: mesh.point_volumes(),
+            region_of: mesh.points().spread(mesh.region_of()),
             stress: CauchyStress::new(case, mesh),
             progress,
             started: std::time::Instant::now(),
@@ -152,7 +155,7 @@ impl<'a> Recorder<'a> {
             .collect();
         let points: Vec<[f64; 3]> = step.forces.points.iter().map(|point| point.force).collect();
         let mut volumes = vec![0.0; step.mesh.regions().len()];
-        for ((f, volume), &region) in step.state.gradients.iter().zip(&self.volumes).zip(step.mesh.region_of()) {
+        for ((f, volume), &region) in step.state.gradients.iter().zip(&self.volumes).zip(&self.region_of) {
             volumes[region as usize] += f.determinant() * volume;
         }
         self.loads.row(step.step, step.t, &surfaces, &points, &volumes)
@@ -166,17 +169,19 @@ impl<'a> Recorder<'a> {
         state: &BodyState,
         field: &M,
     ) -> Result<(), ResultsError> {
-        let stress = |element: usize, f: &_, pk1: &_| self.stress.of(mesh.region_of()[element], f, pk1);
-        let cells = CellFields::new(state, stress, &field.summaries(), |element| field.sites().status(element));
+        let stress = |point: usize, f: &_, pk1: &_| self.stress.of(self.region_of[point], f, pk1);
+        let points = CellFields::new(state, stress, &field.summaries(), |point| field.sites().status(point));
+        let cells = points.averaged(mesh.points(), &self.volumes);
         let region: Vec<i64> = mesh.region_of().iter().map(|&region| region.into()).collect();
-        let rank: Vec<i64> = (0..region.len()).map(|element| field.rank_of(element) as i64).collect();
+        let rank: Vec<i64> =
+            (0..region.len()).map(|element| field.rank_of(mesh.points().of_element(element).start) as i64).collect();
         let fields = FieldSet {
             points: mesh.nodes(),
             elements: mesh.elements(),
             point_vectors: vec![("displacement", &state.displacements)],
             cell_scalars: vec![
                 ("von_mises_stress", &cells.von_mises),
-                ("energy_density", &state.responses.energy),
+                ("energy_density", &cells.energy),
                 ("fiber_alignment", &cells.alignment),
                 ("stretch_min", &cells.stretch_min),
                 ("stretch_max", &cells.stretch_max),
@@ -217,8 +222,8 @@ impl<'a> Recorder<'a> {
 
     /// Writes the dump of a failed RVE; returns the file, relative to the directory.
     fn write_failed_rve(&self, step: usize, halvings: u32, mut failed: FailedRve) -> Result<PathBuf, ResultsError> {
-        let file = failed_rve_file(step, halvings, failed.element);
-        failed.dump.origin = format!("element {} in load step {step}", failed.element);
+        let file = failed_rve_file(step, halvings, failed.point.element as usize);
+        failed.dump.origin = format!("{} in load step {step}", failed.point);
         let path = self.dir.join(&file);
         failed.dump.write(&path).map_err(ResultsError::write(&path))?;
         Ok(file)

@@ -1,4 +1,4 @@
-//! The deformed networks of the elements that a case requests: `rve/` in the result directory.
+//! The deformed networks of the RVEs that a case requests: `rve/` in the result directory.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -7,21 +7,25 @@ use rayon::prelude::*;
 
 use super::case::{Case, ElementSelection};
 use super::results::collection::partial;
-use super::results::networks::{network_collection, network_file};
+use super::results::networks::{NetworkPoint, network_collection, network_file};
 use super::results::{
     Collection, NETWORKS_FOLDER, NetworkSeries, NetworkSet, ResultsError, RunProgress, network_series, write_vtp,
 };
+use crate::fem::mesh::PointNumbering;
 use crate::input::{InputError, InputErrors};
 use crate::tissue::micro_scale::{DeformedNetwork, TissueMaterial};
 
-/// Returns the elements whose networks a case requests, ascending.
+/// Returns the integration points whose networks a case requests, ascending: all points of the requested elements.
 ///
 /// # Errors
 /// Returns [`InputErrors`] that list all requested elements that do not exist or have no fibers.
-pub(super) fn elements(case: &Case, count: usize, field: &impl TissueMaterial) -> Result<Vec<usize>, InputErrors> {
+pub(super) fn points(case: &Case, field: &impl TissueMaterial) -> Result<Vec<usize>, InputErrors> {
+    let (points, sites) = (field.sites().points(), field.sites());
+    let count = points.elements();
+    let has_fibers = |element: usize| points.of_element(element).any(|point| sites.has_fibers(point));
     let ids = match &case.output.rve {
         ElementSelection::None => return Ok(Vec::new()),
-        ElementSelection::All => return Ok((0..count).filter(|&element| field.sites().has_fibers(element)).collect()),
+        ElementSelection::All => return Ok((0..points.len()).filter(|&point| sites.has_fibers(point)).collect()),
         ElementSelection::Elements(ids) => ids,
     };
     let error = |&element: &usize| {
@@ -30,7 +34,7 @@ pub(super) fn elements(case: &Case, count: usize, field: &impl TissueMaterial) -
                 format!("`output.rve` names element {element}; the mesh has {count} elements"),
                 "name other elements, or write rve = \"all\"",
             ),
-            _ if !field.sites().has_fibers(element) => (
+            _ if !has_fibers(element) => (
                 format!("`output.rve` names element {element}, which has no fibers"),
                 "name elements of a region with the model \"fiber-rve\", or write rve = \"all\"",
             ),
@@ -40,33 +44,45 @@ pub(super) fn elements(case: &Case, count: usize, field: &impl TissueMaterial) -
         Some(InputError::in_file(&case.file, what, expected, cure))
     };
     let errors: Vec<InputError> = ids.iter().filter_map(error).collect();
-    if errors.is_empty() { Ok(ids.clone()) } else { Err(InputErrors(errors)) }
+    if !errors.is_empty() {
+        return Err(InputErrors(errors));
+    }
+    Ok(ids.iter().flat_map(|&element| points.of_element(element)).filter(|&point| sites.has_fibers(point)).collect())
 }
 
 /// The network files of a run in progress.
 pub(super) struct NetworkFiles {
     folder: PathBuf,
-    series: Vec<(usize, Collection)>,
+    /// The RVEs whose networks are written, with the numbers of their integration points.
+    series: Vec<(NetworkPoint, usize, Collection)>,
 }
 
 impl NetworkFiles {
-    /// Opens the files of a run. For a resumed run, the collections of all elements in the folder, also those that are
-    /// not requested, are restored to the completed steps.
-    pub fn open(dir: &Path, elements: &[usize], resumed: Option<RunProgress>) -> Result<Self, ResultsError> {
+    /// Opens the files of a run, for these integration points. For a resumed run, the collections of all RVEs in the
+    /// folder, also those that are not requested, are restored to the completed steps.
+    pub fn open(
+        dir: &Path,
+        points: &[usize],
+        numbering: &PointNumbering,
+        resumed: Option<RunProgress>,
+    ) -> Result<Self, ResultsError> {
         let folder = dir.join(NETWORKS_FOLDER);
-        if !elements.is_empty() {
+        if !points.is_empty() {
             std::fs::create_dir_all(&folder).map_err(ResultsError::write(&folder))?;
         }
-        let collection = |element: usize| Collection::new(folder.join(network_collection(element)));
-        let mut series: BTreeMap<usize, Collection> =
-            elements.iter().map(|&element| (element, collection(element))).collect();
+        let new = |&number: &usize| {
+            let point = NetworkPoint::from(numbering.locate(number));
+            (point, (number, Collection::new(folder.join(network_collection(point)))))
+        };
+        let mut series: BTreeMap<NetworkPoint, (usize, Collection)> = points.iter().map(new).collect();
         if let Some(progress) = resumed {
-            for NetworkSeries { element, files } in network_series(&folder, progress)? {
-                let resumed = Collection::resume(folder.join(network_collection(element)), progress.t(), &files)?;
-                series.entry(element).and_modify(|collection| *collection = resumed);
+            for NetworkSeries { point, files } in network_series(&folder, progress)? {
+                let resumed = Collection::resume(folder.join(network_collection(point)), progress.t(), &files)?;
+                series.entry(point).and_modify(|(_, collection)| *collection = resumed);
             }
         }
-        Ok(Self { series: series.into_iter().collect(), folder })
+        let series = series.into_iter().map(|(point, (number, collection))| (point, number, collection));
+        Ok(Self { series: series.collect(), folder })
     }
 
     /// Returns the folder of the files; `None` if no networks are written.
@@ -83,8 +99,8 @@ impl NetworkFiles {
     ) -> Result<(), ResultsError> {
         let Self { folder, series } = self;
         let networks: Vec<_> = field.library().models().iter().map(|model| model.network()).collect();
-        let deformed: Vec<_> = series.iter().map(|(element, _)| field.deformed_network(*element)).collect();
-        series.par_iter_mut().zip(deformed).try_for_each(|((element, collection), deformed)| {
+        let deformed: Vec<_> = series.iter().map(|(_, number, _)| field.deformed_network(*number)).collect();
+        series.par_iter_mut().zip(deformed).try_for_each(|((point, _, collection), deformed)| {
             let Some(deformed) = deformed else { return Ok(()) };
             let DeformedNetwork { model, positions, stretches, forces } = &deformed;
             let network = &networks[*model];
@@ -96,7 +112,7 @@ impl NetworkFiles {
                 force: forces,
                 kind: &kind,
             };
-            let name = network_file(*element, step);
+            let name = network_file(*point, step);
             let name = if whole { name } else { partial(&name) };
             write_vtp(&folder.join(&name), &set)?;
             collection.add(t, &name)

@@ -46,16 +46,16 @@ pub enum EquilibriumError<E, F> {
     },
 }
 
-/// The complete state of the body at one pseudo-time, for all nodes and all elements.
+/// The complete state of the body at one pseudo-time, for all nodes and all integration points.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BodyState {
     /// Pseudo-time.
     pub t: f64,
     /// Displacements of the nodes, m.
     pub displacements: Vec<[f64; 3]>,
-    /// Deformation gradient of each element.
+    /// Deformation gradient of each point.
     pub gradients: Vec<Matrix3<f64>>,
-    /// Energy, stress and tangent of each element.
+    /// Energy, stress and tangent of each point.
     pub responses: PointResponses,
     /// Internal force at each node, N, including prescribed components.
     pub internal: Vec<[f64; 3]>,
@@ -65,12 +65,12 @@ pub struct BodyState {
 
 impl BodyState {
     fn undeformed(mesh: &Mesh) -> Self {
-        let (nodes, elements) = (mesh.nodes().len(), mesh.elements().len());
+        let (nodes, points) = (mesh.nodes().len(), mesh.points().len());
         Self {
             t: 0.0,
             displacements: vec![[0.0; 3]; nodes],
-            gradients: vec![Matrix3::identity(); elements],
-            responses: PointResponses::zeros(elements),
+            gradients: vec![Matrix3::identity(); points],
+            responses: PointResponses::zeros(points),
             internal: vec![[0.0; 3]; nodes],
             external: vec![[0.0; 3]; nodes],
         }

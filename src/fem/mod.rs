@@ -1,4 +1,4 @@
-//! The macro scale: finite elements on tetrahedral meshes, generic over the linear-algebra backend.
+//! The macro scale: finite elements, generic over the linear-algebra backend.
 //!
 //! The formulation is total Lagrangian: all integrals are over the reference volume. `u` are the nodal displacements in
 //! meters, `F = I + du/dX` is the deformation gradient, `P` the first Piola-Kirchhoff stress in Pa and `A = dP/dF` its
@@ -21,9 +21,9 @@
 //! depends on the library that solves the linear system.
 //!
 //! # Limits
-//! Elements are linear tetrahedra with one integration point. The tangent of the elements is symmetric, because
-//! stresses derive from an energy; that of a load ([`boundary::Load`]) may be unsymmetric, but couples only nodes of
-//! one element.
+//! Elements are displacement elements ([`element::ElementType`]): linear ones lock in nearly incompressible materials.
+//! The tangent of the elements is symmetric, because stresses derive from an energy; that of a load
+//! ([`boundary::Load`]) may be unsymmetric, but couples only nodes of one element.
 
 pub mod assembly;
 pub mod boundary;

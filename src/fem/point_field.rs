@@ -1,14 +1,15 @@
 //! The interface between the body and its material: stress and tangent at every integration point.
 //!
-//! Element `e` has one integration point, point `e`. The body passes all deformation gradients in one call and receives
-//! all responses from it, so that an implementation can evaluate the points in parallel or on other ranks.
+//! Points are numbered by [`PointNumbering`]. The body passes all deformation gradients in one call and receives all
+//! responses from it, so that an implementation can evaluate the points in parallel or on other ranks.
 
 use nalgebra::{Matrix3, SMatrix};
 use thiserror::Error;
 
 use super::material::{Material, MaterialError};
+use super::mesh::{IntegrationPoint, Mesh, PointNumbering};
 
-/// The responses of all points, in the order of the elements.
+/// The responses of all points, in the order of [`PointNumbering`].
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PointResponses {
     /// Energy per reference volume of each point, J/m^3.
@@ -57,11 +58,11 @@ impl PointResponses {
 ///
 /// If the attempt fails before step 4, the driver calls [`PointField::revert`].
 pub trait PointField {
-    /// The reason why a trial state has no stress; it should name the element. Newton's line search treats the error as
+    /// The reason why a trial state has no stress; it should name the point. Newton's line search treats the error as
     /// a too long step and shortens it.
     type Error: std::error::Error;
 
-    /// Evaluates energies, stresses and tangents at these deformation gradients, one per element.
+    /// Evaluates energies, stresses and tangents at these deformation gradients, one per point.
     ///
     /// # Errors
     /// Returns an error if any point cannot be evaluated.
@@ -110,10 +111,10 @@ pub trait PointField {
 
 /// A point whose material cannot be evaluated.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
-#[error("element {element}: {reason}")]
+#[error("{point}: {reason}")]
 pub struct PointError {
-    /// The element, from 0.
-    pub element: usize,
+    /// The point.
+    pub point: IntegrationPoint,
     /// The error of the material.
     pub reason: MaterialError,
 }
@@ -133,29 +134,32 @@ pub struct RegionError {
 /// A point field without memory that evaluates a formula at every point, selected by the region of the element.
 ///
 /// # Panics
-/// [`PointField::update`] panics if the number of gradients differs from the number of elements.
+/// [`PointField::update`] panics if the number of gradients differs from the number of points.
 pub struct FormulaField {
     materials: Vec<Box<dyn Material>>,
+    /// The region of each point.
     region_of: Vec<u32>,
+    points: PointNumbering,
 }
 
 impl FormulaField {
-    /// Creates a field in which region `r` has `materials[r]`; `region_of[e]` is the region of element `e`, as returned
-    /// by [`Mesh::region_of`](super::mesh::Mesh::region_of).
+    /// Creates a field in which region `r` of the mesh has `materials[r]`.
     ///
     /// # Errors
     /// Returns [`RegionError`] if the region of an element has no material.
-    pub fn new(materials: Vec<Box<dyn Material>>, region_of: &[u32]) -> Result<Self, RegionError> {
+    pub fn new(materials: Vec<Box<dyn Material>>, mesh: &Mesh) -> Result<Self, RegionError> {
+        let region_of = mesh.region_of();
         let beyond = region_of.iter().enumerate().find(|&(_, &region)| region as usize >= materials.len());
         if let Some((element, &region)) = beyond {
             return Err(RegionError { element, region, materials: materials.len() });
         }
-        Ok(Self { materials, region_of: region_of.to_vec() })
+        Ok(Self { materials, region_of: mesh.points().spread(region_of), points: mesh.points().clone() })
     }
 
-    /// Creates a field of `elements` elements with one material.
-    pub fn uniform(material: impl Material + 'static, elements: usize) -> Self {
-        Self { materials: vec![Box::new(material)], region_of: vec![0; elements] }
+    /// Creates a field with one material.
+    pub fn uniform(material: impl Material + 'static, mesh: &Mesh) -> Self {
+        let points = mesh.points().clone();
+        Self { materials: vec![Box::new(material)], region_of: vec![0; points.len()], points }
     }
 }
 
@@ -163,13 +167,14 @@ impl PointField for FormulaField {
     type Error = PointError;
 
     fn update(&mut self, gradients: &[Matrix3<f64>], out: &mut PointResponses) -> Result<(), PointError> {
-        assert_eq!(gradients.len(), self.region_of.len(), "one deformation gradient per element");
+        assert_eq!(gradients.len(), self.region_of.len(), "one deformation gradient per point");
         out.resize(gradients.len());
         let outputs = out.energy.iter_mut().zip(&mut out.pk1).zip(&mut out.tangent);
         let inputs = gradients.iter().zip(&self.region_of);
-        for (element, ((f, &region), ((energy, pk1), tangent))) in inputs.zip(outputs).enumerate() {
+        for (point, ((f, &region), ((energy, pk1), tangent))) in inputs.zip(outputs).enumerate() {
             let material = &self.materials[region as usize];
-            let response = material.evaluate(f).map_err(|reason| PointError { element, reason })?;
+            let response = material.evaluate(f);
+            let response = response.map_err(|reason| PointError { point: self.points.locate(point), reason })?;
             (*energy, *pk1, *tangent) = (response.energy, response.pk1, response.tangent);
         }
         Ok(())
@@ -189,10 +194,19 @@ mod tests {
     use super::*;
     use crate::fem::material::{LinearElastic, NeoHookean};
 
+    /// Three tetrahedra in a row, with these regions.
+    fn three_tetrahedra(region_of: &[u32]) -> Mesh {
+        let nodes = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0; 3], [2.0, 0.0, 1.0]];
+        let elements = vec![[0, 1, 2, 3], [1, 2, 3, 4], [1, 4, 3, 5]];
+        let regions = (0..=region_of.iter().copied().max().unwrap_or(0)).map(|region| region.to_string());
+        Mesh::new(nodes, elements, region_of.to_vec(), regions.collect(), vec![]).unwrap()
+    }
+
     #[test]
     fn every_element_has_the_material_of_its_region() {
         let (soft, stiff) = (NeoHookean { mu: 1.0, lambda: 2.0 }, LinearElastic { mu: 10.0, lambda: 20.0 });
-        let mut field = FormulaField::new(vec![Box::new(soft), Box::new(stiff)], &[1, 0, 1]).unwrap();
+        let mut field =
+            FormulaField::new(vec![Box::new(soft), Box::new(stiff)], &three_tetrahedra(&[1, 0, 1])).unwrap();
         let f = Matrix3::new(1.1, 0.1, 0.0, 0.0, 0.9, 0.0, 0.2, 0.0, 1.0);
         let mut out = PointResponses::default();
         field.update(&[f; 3], &mut out).unwrap();
@@ -205,11 +219,12 @@ mod tests {
 
     #[test]
     fn errors_name_the_element() {
-        let mut field = FormulaField::uniform(NeoHookean { mu: 1.0, lambda: 2.0 }, 2);
+        let mut field = FormulaField::uniform(NeoHookean { mu: 1.0, lambda: 2.0 }, &three_tetrahedra(&[0, 0, 0]));
         let mirrored = Matrix3::from_diagonal(&[-1.0, 1.0, 1.0].into());
-        let error = field.update(&[Matrix3::identity(), mirrored], &mut PointResponses::zeros(2)).unwrap_err();
-        assert_eq!(error, PointError { element: 1, reason: MaterialError::Inverted(-1.0) });
-        let missing = FormulaField::new(vec![], &[0]).err().unwrap();
+        let error =
+            field.update(&[Matrix3::identity(), mirrored, mirrored], &mut PointResponses::zeros(3)).unwrap_err();
+        assert_eq!(error, PointError { point: IntegrationPoint::of_element(1), reason: MaterialError::Inverted(-1.0) });
+        let missing = FormulaField::new(vec![], &three_tetrahedra(&[0, 0, 0])).err().unwrap();
         assert_eq!(missing, RegionError { element: 0, region: 0, materials: 0 });
     }
 }

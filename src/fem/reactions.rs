@@ -5,6 +5,8 @@
 //! loads on it. Free components satisfy `f_int = f_ext`, and internal forces sum to zero. Hence the forces over all
 //! surfaces and points sum to minus the body forces, up to the tolerance of Newton.
 
+use nalgebra::Vector3;
+
 use super::boundary::{Boundary, Source};
 use super::mesh::{Mesh, Surface};
 
@@ -93,15 +95,18 @@ impl BoundaryForces {
 impl SurfaceForce {
     fn new(mesh: &Mesh, surface: &Surface, displacements: &[[f64; 3]]) -> Self {
         let (mut area, mut reference, mut moment) = (0.0, 0.0, [0.0; 3]);
-        for triangle in &surface.triangles {
-            let x = triangle.map(|node| mesh.nodes()[node as usize]);
-            let u = triangle.map(|node| displacements[node as usize]);
-            let share = triangle_area(&x);
-            reference += share;
-            area += triangle_area(&std::array::from_fn(|a| std::array::from_fn(|i| x[a][i] + u[a][i])));
-            for (i, moment) in moment.iter_mut().enumerate() {
-                *moment += share * (u[0][i] + u[1][i] + u[2][i]) / 3.0;
-            }
+        for (face_type, nodes) in surface.faces.typed() {
+            let x = mesh.positions_of(nodes);
+            let u: Vec<[f64; 3]> = nodes.iter().map(|&node| displacements[node as usize]).collect();
+            let current: Vec<[f64; 3]> = x.iter().zip(&u).map(|(x, u)| std::array::from_fn(|i| x[i] + u[i])).collect();
+            face_type.integrate(&current, |_, normal| area += Vector3::from(normal).norm());
+            face_type.integrate(&x, |values, normal| {
+                let share = Vector3::from(normal).norm();
+                reference += share;
+                for (i, moment) in moment.iter_mut().enumerate() {
+                    *moment += share * values.iter().zip(&u).map(|(value, u)| value * u[i]).sum::<f64>();
+                }
+            });
         }
         let displacement = if reference > 0.0 { moment.map(|m| m / reference) } else { [0.0; 3] };
         Self { name: surface.name.clone(), area, force: [0.0; 3], displacement }
@@ -112,9 +117,4 @@ impl PointForce {
     fn new(node: u32, displacements: &[[f64; 3]]) -> Self {
         Self { node, force: [0.0; 3], displacement: displacements[node as usize] }
     }
-}
-
-fn triangle_area(x: &[[f64; 3]; 3]) -> f64 {
-    let edge = |a: usize| nalgebra::Vector3::from_fn(|i, _| x[a][i] - x[0][i]);
-    0.5 * edge(1).cross(&edge(2)).norm()
 }

@@ -26,7 +26,10 @@ fn box_in_every_format() {
         assert_eq!((&summary["nodes"], &summary["elements"]), (&30.into(), &48.into()));
         let region = serde_json::json!({ "name": "body", "elements": 48, "volume": expected.volume() });
         assert_eq!(summary["regions"], serde_json::json!([region]));
-        assert_eq!(summary["surfaces"][1], serde_json::json!({ "name": "x1", "triangles": 4, "area": 0.5 }));
+        assert_eq!(
+            summary["surfaces"][1],
+            serde_json::json!({ "name": "x1", "triangles": 4, "quadrilaterals": 0, "area": 0.5 })
+        );
         assert_eq!(gmsh::read(&folder.path().join("box.msh")).unwrap().mesh, expected);
     }
 }

@@ -1,11 +1,12 @@
 //! Results are read back as they were written: field files by python-vtk and meshio, all files by this crate.
 
+use biotissue::fem::mesh::Elements;
 use std::path::Path;
 use std::process::Command;
 
 use biotissue::app::results::collection::{field_file, index_file};
 use biotissue::app::results::log::{self, Cut, End, NewtonLog, RveLog, Start, Step};
-use biotissue::app::results::networks::network_file;
+use biotissue::app::results::networks::{NetworkPoint, network_file};
 use biotissue::app::results::{
     Collection, Event, FIELDS_FILE, FieldSet, Fields, Loads, LoadsWriter, LogWriter, NetworkSet, Networks,
     ResultsError, SurfaceRow, read_vtp, read_vtu, write_pieces, write_vtp, write_vtu,
@@ -17,7 +18,7 @@ use crate::skip::skip;
 /// decimal form, extreme numbers, both zeros.
 struct Sample {
     points: Vec<[f64; 3]>,
-    elements: Vec<[u32; 4]>,
+    elements: Elements,
     displacement: Vec<[f64; 3]>,
     energy: Vec<f64>,
     network: Vec<i64>,
@@ -30,7 +31,7 @@ impl Sample {
         let third = 1.0 / 3.0;
         Self {
             points: vec![[0.0, -0.0, 0.0], [third, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 1e-300], [0.7, 0.7, 0.7]],
-            elements: vec![[0, 1, 2, 3], [1, 2, 3, 4]],
+            elements: vec![[0, 1, 2, 3], [1, 2, 3, 4]].into(),
             displacement: (0..5).map(|k| [f64::from(k) * third, -f64::MIN_POSITIVE, 1e17 + f64::from(k)]).collect(),
             energy: vec![f64::EPSILON, f64::MAX],
             network: vec![-1, i64::MAX],
@@ -55,7 +56,7 @@ impl Sample {
     fn lines(&self, reader: &str) -> Vec<String> {
         let real = |values: &[f64]| values.iter().map(|v| hex(v.to_le_bytes())).collect::<Vec<_>>().join(" ");
         let whole = |values: &[i64]| values.iter().map(|v| hex(v.to_le_bytes())).collect::<Vec<_>>().join(" ");
-        let elements: Vec<i64> = self.elements.as_flattened().iter().map(|&node| node.into()).collect();
+        let elements: Vec<i64> = self.elements.iter().flatten().map(|&node| node.into()).collect();
         vec![
             format!("{reader} mesh points 3 {}", real(self.points.as_flattened())),
             format!("{reader} mesh elements 4 {}", whole(&elements)),
@@ -69,7 +70,7 @@ impl Sample {
 
     /// The line that `READ_CELLS` must print for one element.
     fn cell_line(&self, element: usize) -> String {
-        let nodes = self.elements[element].map(|node| node as usize);
+        let nodes: Vec<usize> = self.elements[element].iter().map(|&node| node as usize).collect();
         let mut values: Vec<[u8; 8]> = Vec::new();
         for field in [&self.points, &self.displacement] {
             values.extend(nodes.iter().flat_map(|&node| field[node].map(f64::to_le_bytes)));
@@ -147,7 +148,7 @@ const NETWORK: NetworkSet = NetworkSet {
 #[test]
 fn networks_are_read_back_bit_for_bit() {
     let dir = tempfile::tempdir().unwrap();
-    let path = dir.path().join(network_file(12, 7));
+    let path = dir.path().join(network_file(NetworkPoint { element: 12, point: None }, 7));
     assert!(path.ends_with("element-00012-step-00007.vtp"));
     write_vtp(&path, &NETWORK).unwrap();
     let read = read_vtp(&path).unwrap();
@@ -278,7 +279,8 @@ fn fields_that_do_not_match_the_mesh_are_rejected_and_nothing_is_written() {
     let short = FieldSet { cell_scalars: vec![("energy_density", &sample.energy[..1])], ..sample.fields() };
     let error = write_vtu(&path, &short).unwrap_err();
     assert!(matches!(&error, ResultsError::Length { name, found: 1, expected: 2, .. } if name == "energy_density"));
-    let dangling = FieldSet { elements: &[[0, 1, 2, 3], [0, 1, 2, 5]], ..sample.fields() };
+    let elements = vec![[0, 1, 2, 3], [0, 1, 2, 5]].into();
+    let dangling = FieldSet { elements: &elements, ..sample.fields() };
     let error = write_vtu(&path, &dangling).unwrap_err();
     assert!(matches!(error, ResultsError::ElementNode { element: 1, node: 5, nodes: 5, .. }), "{error}");
     assert!(!path.exists());

@@ -22,13 +22,10 @@ fn factored<B: RealBackend<Context = ()>>(
         Unknowns::new(mesh.nodes().len(), |node, component| prescribed(mesh.nodes()[node])[component]).unwrap();
     let pattern = Arc::new(unknowns.pattern(mesh).unwrap());
     let mut matrix = B::matrix(&(), &pattern).unwrap();
-    let assembler = Assembler::<B>::new(geometry(mesh).unwrap(), mesh, &unknowns, &matrix).unwrap();
+    let assembler = Assembler::<B>::new(geometry(mesh).unwrap(), &unknowns, &matrix).unwrap();
     let at_rest = NeoHookean { mu: 3.0, lambda: 5.0 }.evaluate(&Matrix3::identity()).unwrap().tangent;
-    let center = |element| {
-        let corners = mesh.corners(element);
-        std::array::from_fn(|i| corners.iter().map(|corner| corner[i]).sum::<f64>() / 4.0)
-    };
-    let tangents: Vec<_> = (0..mesh.elements().len()).map(|element| at_rest * stiffness(center(element))).collect();
+    let tangents: Vec<_> =
+        (0..mesh.elements().len()).map(|element| at_rest * stiffness(mesh.center(element))).collect();
     assembler.stiffness(&tangents, &mut matrix).unwrap();
     matrix.finish().unwrap();
     let mut solver = B::solver(&B::analyze(&(), &pattern, &SolverParams::new(symmetry)).unwrap()).unwrap();

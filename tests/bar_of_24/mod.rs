@@ -50,11 +50,11 @@ pub fn mesh() -> Mesh {
         let volume = (x[1] - x[0]).cross(&(x[2] - x[0])).dot(&(x[3] - x[0]));
         if volume > 0.0 { [a, b, c, d] } else { [b, a, c, d] }
     });
-    let at = |x: f64| {
+    let at = |x: f64| -> Vec<[u32; 3]> {
         let faces = elements.iter().flat_map(|&[a, b, c, d]| [[b, c, d], [a, c, d], [a, b, d], [a, b, c]]);
         faces.filter(|face| face.iter().all(|&n| NODES[n as usize][0] == x)).collect()
     };
-    let surface = |name: &str, x| Surface { name: name.into(), triangles: at(x) };
+    let surface = |name: &str, x| Surface { name: name.into(), faces: at(x).into() };
     let surfaces = vec![surface("left", -1.0), surface("right", 1.0)];
     Mesh::new(NODES.to_vec(), elements.to_vec(), vec![0; 24], vec!["body".into()], surfaces).unwrap()
 }

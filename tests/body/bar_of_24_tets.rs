@@ -68,7 +68,7 @@ where
     newton.tolerance = 1e-10;
     newton.max_backtracks = 0;
     let params = StepParams { count: 10, max_cuts: 0, start: StepStart::Prescribed, newton, ..StepParams::default() };
-    let field = FormulaField::uniform(material(), 24);
+    let field = FormulaField::uniform(material(), &mesh());
     let mut stepper = Stepper::<B, _>::new(&(), Arc::new(mesh()), &conditions(), field, params).unwrap();
     assert_eq!(stepper.unknowns(), 29);
     let mut lateral = LateralDisplacements::default();
@@ -96,7 +96,7 @@ where
 fn an_iterative_solver_gives_the_exact_solution() {
     let method = Iterative { tolerance: 1e-12, ..Iterative::default() };
     let params = StepParams { count: 4, solver: SolverParams::default().iterative(method), ..StepParams::default() };
-    let field = FormulaField::uniform(material(), 24);
+    let field = FormulaField::uniform(material(), &mesh());
     let mesh = Arc::new(mesh());
     let mut stepper = Stepper::<Sparse, _>::new(&(), mesh, &conditions(), field, params).unwrap();
     for report in stepper.run(&mut ()).unwrap() {
@@ -133,9 +133,9 @@ where
     let prescribed = boundary.prescribed_mask(14);
     let unknowns = Unknowns::new(14, |node, component| prescribed[node][component]).unwrap();
     let mut matrix = B::matrix(&(), &Arc::new(unknowns.pattern(&mesh).unwrap())).unwrap();
-    let assembler = Assembler::<B>::new(assembly::geometry(&mesh).unwrap(), &mesh, &unknowns, &matrix).unwrap();
+    let assembler = Assembler::<B>::new(assembly::geometry(&mesh).unwrap(), &unknowns, &matrix).unwrap();
     let mut responses = PointResponses::zeros(24);
-    FormulaField::uniform(material(), 24).update(&[Matrix3::identity(); 24], &mut responses).unwrap();
+    FormulaField::uniform(material(), &mesh).update(&[Matrix3::identity(); 24], &mut responses).unwrap();
     assembler.stiffness(&responses.tangent, &mut matrix).unwrap();
     matrix.finish().unwrap();
 

@@ -7,7 +7,8 @@ use biotissue::backends::sparse::Sparse;
 use biotissue::fem::boundary::{
     BodyForce, Conditions, LoadCondition, LoadCurve, PointCondition, PointLocation, SurfaceCondition,
 };
-use biotissue::fem::element::Tetrahedron;
+use biotissue::fem::element::geometry;
+use biotissue::fem::element::reference::Tet4;
 use biotissue::fem::material::{LinearElastic, NeoHookean};
 use biotissue::fem::mesh::{Mesh, shapes};
 use biotissue::fem::point_field::FormulaField;
@@ -28,7 +29,7 @@ fn cube(n: usize, distortion: f64) -> Mesh {
     let count = regular.elements().len();
     Mesh::new(
         nodes.collect(),
-        regular.elements().to_vec(),
+        regular.elements().clone(),
         (0..count as u32).collect(),
         (0..count).map(|e| format!("e{e}")).collect(),
         regular.surfaces().to_vec(),
@@ -52,7 +53,7 @@ fn the_patch_test_is_exact() {
     let mut newton = NewtonParams::default();
     newton.tolerance = 1e-13;
     let params = StepParams { count: 2, newton, ..StepParams::default() };
-    let field = FormulaField::uniform(NeoHookean { mu: 3.0e3, lambda: 5.0e3 }, mesh.elements().len());
+    let field = FormulaField::uniform(NeoHookean { mu: 3.0e3, lambda: 5.0e3 }, &mesh);
     let mut stepper = Stepper::<Sparse, _>::new(&(), Arc::new(mesh), &conditions, field, params).unwrap();
     stepper.run(&mut ()).unwrap();
     assert_eq!(stepper.unknowns(), 3 * 8);
@@ -98,9 +99,7 @@ fn errors(n: usize) -> [f64; 2] {
     let zero =
         |name: &str| SurfaceCondition { surface: name.into(), displacement: [Some(0.0); 3], curve: LoadCurve::Ramp };
     let loads = (0..mesh.elements().len()).map(|e| {
-        let corners = mesh.corners(e);
-        let center = std::array::from_fn(|i| corners.iter().map(|x| x[i]).sum::<f64>() / 4.0);
-        let force = BodyForce { region: format!("e{e}"), value: body_force(&center), curve: LoadCurve::Ramp };
+        let force = BodyForce { region: format!("e{e}"), value: body_force(&mesh.center(e)), curve: LoadCurve::Ramp };
         Arc::new(force) as Arc<dyn LoadCondition>
     });
     let conditions = Conditions {
@@ -108,7 +107,7 @@ fn errors(n: usize) -> [f64; 2] {
         loads: loads.collect(),
         ..Conditions::default()
     };
-    let field = FormulaField::uniform(MATERIAL, mesh.elements().len());
+    let field = FormulaField::uniform(MATERIAL, &mesh);
     let params = StepParams { count: 1, ..StepParams::default() };
     let mut stepper = Stepper::<Sparse, _>::new(&(), Arc::clone(&mesh), &conditions, field, params).unwrap();
     let reports = stepper.run(&mut ()).unwrap();
@@ -119,9 +118,9 @@ fn errors(n: usize) -> [f64; 2] {
     let (near, far) = (0.138_196_601_125_010_5, 0.585_410_196_624_968_5);
     let (mut values, mut slopes) = (0.0, 0.0);
     for (e, nodes) in mesh.elements().iter().enumerate() {
-        let corners = mesh.corners(e);
-        let element = Tetrahedron::new(&corners).unwrap();
-        let u = nodes.map(|a| stepper.state().displacements[a as usize]);
+        let corners: [[f64; 3]; 4] = mesh.positions(e).try_into().unwrap();
+        let [element] = geometry::<Tet4, 4, 1>(&corners).unwrap();
+        let u = std::array::from_fn(|a| stepper.state().displacements[nodes[a] as usize]);
         let gradient = element.displacement_gradient(&u);
         for q in 0..4 {
             let weight = |a: usize| if a == q { far } else { near };

@@ -30,7 +30,7 @@ fn params() -> StepParams {
 }
 
 fn run(mesh: &Arc<Mesh>, conditions: &Conditions) -> Stepper<Sparse, FormulaField> {
-    let field = FormulaField::uniform(SOFT, mesh.elements().len());
+    let field = FormulaField::uniform(SOFT, mesh);
     let mut stepper = Stepper::<Sparse, _>::new(&(), Arc::clone(mesh), conditions, field, params()).unwrap();
     stepper.run(&mut ()).unwrap();
     stepper
@@ -124,19 +124,19 @@ fn the_order_of_regions_does_not_matter() {
         let soft_number = order.iter().position(|name| *name == "soft").unwrap() as u32;
         let region_of = plain.elements().iter().enumerate();
         let region_of: Vec<u32> = region_of
-            .map(|(e, _)| if plain.corners(e).iter().any(|x| x[0] > 0.6) { 1 - soft_number } else { soft_number })
+            .map(|(e, _)| if plain.positions(e).iter().any(|x| x[0] > 0.6) { 1 - soft_number } else { soft_number })
             .collect();
         let materials = order.map(|name| -> Box<dyn Material> {
             if name == "soft" { Box::new(SOFT) } else { Box::new(stiff) }
         });
-        let field = FormulaField::new(Vec::from(materials), &region_of).unwrap();
         let mesh = Mesh::new(
             plain.nodes().to_vec(),
-            plain.elements().to_vec(),
+            plain.elements().clone(),
             region_of,
             order.map(String::from).to_vec(),
             plain.surfaces().to_vec(),
         );
+        let field = FormulaField::new(Vec::from(materials), mesh.as_ref().unwrap()).unwrap();
         let force = BodyForce { region: "soft".into(), value: [0.0, 0.0, 90.0], curve: LoadCurve::Ramp };
         let conditions = Conditions {
             surfaces: vec![prescribed("x0", [Some(0.0); 3]), prescribed("x1", [Some(0.2), Some(0.1), None])],
@@ -158,7 +158,7 @@ fn newton_converges_quadratically() {
         surfaces: vec![prescribed("x0", [Some(0.0); 3]), prescribed("x1", [Some(0.3), Some(0.2), Some(0.0)])],
         ..Conditions::default()
     };
-    let field = FormulaField::uniform(SOFT, mesh.elements().len());
+    let field = FormulaField::uniform(SOFT, &mesh);
     let mut stepper = Stepper::<Sparse, _>::new(&(), mesh, &conditions, field, params()).unwrap();
     for report in stepper.run(&mut ()).unwrap() {
         let r = &report.solves[0].relative;

@@ -9,6 +9,8 @@ mod bar_of_24_tets;
 #[cfg(feature = "sparse")]
 mod convergence;
 #[cfg(feature = "sparse")]
+mod elements;
+#[cfg(feature = "sparse")]
 mod equilibrium;
 mod gmsh;
 #[cfg(feature = "sparse")]

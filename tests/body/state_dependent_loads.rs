@@ -10,7 +10,7 @@ use biotissue::fem::boundary::{
 };
 use biotissue::fem::equilibrium::Equilibrium;
 use biotissue::fem::material::NeoHookean;
-use biotissue::fem::mesh::{Mesh, Surface, shapes};
+use biotissue::fem::mesh::{Faces, Mesh, Surface, shapes};
 use biotissue::fem::point_field::FormulaField;
 use biotissue::fem::reactions::SurfaceForce;
 use biotissue::fem::stepping::{StepParams, Stepper};
@@ -41,14 +41,16 @@ struct FacetsWithLoad<L> {
     load: L,
     surface: usize,
     facets: Vec<[u32; 3]>,
+    faces: Faces,
     positions: Vec<[[f64; 3]; 3]>,
 }
 
 impl<L> FacetsWithLoad<L> {
     fn new(load: L, mesh: &Mesh, name: &str) -> Result<Box<Self>, BoundaryError> {
-        let (surface, Surface { triangles, .. }) = find_surface(mesh, name)?;
-        let positions = triangles.iter().map(|nodes| nodes.map(|node| mesh.nodes()[node as usize])).collect();
-        Ok(Box::new(Self { load, surface, facets: triangles.clone(), positions }))
+        let (surface, Surface { faces, .. }) = find_surface(mesh, name)?;
+        let facets = faces.iter().filter_map(|nodes| nodes.try_into().ok()).collect::<Vec<[u32; 3]>>();
+        let positions = facets.iter().map(|nodes| nodes.map(|node| mesh.nodes()[node as usize])).collect();
+        Ok(Box::new(Self { load, surface, facets, faces: faces.clone(), positions }))
     }
 
     /// Returns the current positions of the nodes of a facet.
@@ -88,7 +90,7 @@ impl<L: FacetLoad> Load for FacetsWithLoad<L> {
     }
 
     fn coupled_nodes(&self) -> CoupledNodes<'_> {
-        CoupledNodes::Facets(&self.facets)
+        CoupledNodes::Faces(&self.faces)
     }
 
     fn symmetry(&self) -> Symmetry {
@@ -188,7 +190,7 @@ fn run(conditions: &Conditions) -> Stepper<Sparse, FormulaField> {
     let mesh = beam();
     let mut params = StepParams { count: 2, max_cuts: 0, ..StepParams::default() };
     params.newton.tolerance = 1e-12;
-    let field = FormulaField::uniform(SOFT, mesh.elements().len());
+    let field = FormulaField::uniform(SOFT, &mesh);
     let mut stepper = Stepper::<Sparse, _>::new(&(), mesh, conditions, field, params).unwrap();
     for report in stepper.run(&mut ()).unwrap() {
         let r = &report.solves[0].relative;
@@ -235,9 +237,9 @@ fn the_stiffness_is_the_derivative_of_the_residual() {
         let prescribed = boundary.prescribed_mask(nodes);
         let unknowns = Unknowns::new(nodes, |node, component| prescribed[node][component]).unwrap();
         let mut k = Sparse::matrix(&(), &Arc::new(unknowns.pattern(&mesh).unwrap())).unwrap();
-        let mut assembler = Assembler::<Sparse>::new(geometry(&mesh).unwrap(), &mesh, &unknowns, &k).unwrap();
+        let mut assembler = Assembler::<Sparse>::new(geometry(&mesh).unwrap(), &unknowns, &k).unwrap();
         assembler.locate_loads(boundary.loads(), &k).unwrap();
-        let field = FormulaField::uniform(SOFT, mesh.elements().len());
+        let field = FormulaField::uniform(SOFT, &mesh);
         let mut body = Equilibrium::<Sparse, _>::new(mesh, boundary, assembler, field).unwrap();
         let n = unknowns.free();
         let rows: Vec<i32> = (0..n as i32).collect();

@@ -1,6 +1,7 @@
 //! Writes a result directory with artificial but plausible values: a flat bar with a narrow middle part is pulled along
 //! x, and its fibers rotate toward x; the grips at both ends have no fibers.
 
+use biotissue::fem::mesh::Elements;
 use std::path::Path;
 
 use biotissue::app::results::collection::field_file;
@@ -16,7 +17,7 @@ const STEPS: usize = 10;
 /// The mesh of the bar: cells divided into six tetrahedra each.
 pub struct Bar {
     pub points: Vec<[f64; 3]>,
-    pub elements: Vec<[u32; 4]>,
+    pub elements: Elements,
 }
 
 impl Bar {
@@ -40,11 +41,11 @@ impl Bar {
                 elements.push(tet.map(corner));
             }
         }
-        Self { points, elements }
+        Self { points, elements: elements.into() }
     }
 
     fn center(&self, element: usize) -> [f64; 3] {
-        let nodes = self.elements[element].map(|node| self.points[node as usize]);
+        let nodes: Vec<[f64; 3]> = self.elements[element].iter().map(|&node| self.points[node as usize]).collect();
         std::array::from_fn(|axis| nodes.iter().map(|node| node[axis]).sum::<f64>() / 4.0)
     }
 }

@@ -2,6 +2,7 @@
 #![cfg(feature = "app")]
 
 mod arguments;
+mod elements;
 mod files;
 mod messages;
 mod outputs;

@@ -57,9 +57,9 @@ fn stiffness(cells: usize, supports: Supports) -> Result<(Arc<Sparsity>, Matrix)
     let unknowns = Unknowns::new(mesh.nodes().len(), |node, direction| supports.fix(mesh.nodes()[node], direction))?;
     let pattern = Arc::new(unknowns.pattern(&mesh)?);
     let mut matrix = Sparse::<f64>::matrix(&(), &pattern)?;
-    let assembler = Assembler::<Sparse>::new(assembly::geometry(&mesh)?, &mesh, &unknowns, &matrix)?;
-    let mut field = FormulaField::uniform(NeoHookean { mu: 3846.0, lambda: 5769.0 }, mesh.elements().len());
-    let (mut gradients, mut responses) = (Vec::new(), PointResponses::zeros(mesh.elements().len()));
+    let assembler = Assembler::<Sparse>::new(assembly::geometry(&mesh)?, &unknowns, &matrix)?;
+    let mut field = FormulaField::uniform(NeoHookean { mu: 3846.0, lambda: 5769.0 }, &mesh);
+    let (mut gradients, mut responses) = (Vec::new(), PointResponses::zeros(mesh.points().len()));
     assembler.deformation_gradients(&vec![[0.0; 3]; mesh.nodes().len()], &mut gradients);
     field.update(&gradients, &mut responses)?;
     assembler.stiffness(&responses.tangent, &mut matrix)?;

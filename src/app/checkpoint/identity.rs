@@ -7,7 +7,8 @@ use thiserror::Error;
 
 use crate::app::case::{Case, ElementSelection, MeshSource, OutputCase, RegionMaterial, ScalesCase};
 use crate::checksum::Fnv;
-use crate::fem::mesh::Mesh;
+use crate::fem::element::CellType;
+use crate::fem::mesh::{Cells, Mesh};
 use crate::fiber::law::{FiberLaw, FiberMaterial, Law};
 use crate::fiber::network::Network;
 use crate::tissue::micro_scale::TissueMaterial;
@@ -157,15 +158,23 @@ fn is_setting(section: &str, before: &str, now: &str) -> bool {
 fn hash_of_mesh(mesh: &Mesh) -> u64 {
     let mut hash = Fnv::new();
     hash.add_positions(mesh.nodes());
-    hash.add_indices(mesh.elements());
+    hash_cells(mesh.elements(), &mut hash);
     mesh.region_of().iter().for_each(|&region| hash.add_u64(region.into()));
     hash.add_u64(mesh.regions().len() as u64);
     mesh.regions().iter().for_each(|region| hash.add_str(region));
     for surface in mesh.surfaces() {
         hash.add_str(&surface.name);
-        hash.add_indices(&surface.triangles);
+        hash_cells(&surface.faces, &mut hash);
     }
     hash.finish()
+}
+
+fn hash_cells<T: CellType>(cells: &Cells<T>, hash: &mut Fnv) {
+    for block in cells.blocks() {
+        hash.add_u64(block.cell_type().nodes() as u64);
+        hash.add_u64(block.len() as u64);
+        block.nodes().iter().for_each(|&node| hash.add_u64(node.into()));
+    }
 }
 
 fn hash_network(network: &Network, hash: &mut Fnv) {

@@ -1,24 +1,26 @@
-//! Fields on a mesh of tetrahedra, as a VTK file (`.vtu`) that ParaView, python-vtk and meshio open.
+//! Fields on a mesh, as a VTK file (`.vtu`) that ParaView, python-vtk and meshio open.
 //!
 //! Numbers are stored in binary (64 bits, little endian, base64 in XML), so that reading a file returns bitwise the
 //! values written. Tensors have all nine components, row-major.
 
 use std::path::Path;
 
-use vtkio::model::{Attribute, Attributes, CellType, Cells, DataArray, DataSet, UnstructuredGridPiece, VertexNumbers};
+use vtkio::model::{Attribute, Attributes, DataArray, DataSet, UnstructuredGridPiece};
 
 use super::ResultsError;
 pub use super::fields_read::{read_fields, read_vtu};
 use super::replace::replace;
 use super::vtk::{array, check_points, encode};
+use super::vtk_cells;
+use crate::fem::mesh::Elements;
 
 /// A mesh and its fields, borrowed for writing. Names of point fields are unique, and so are names of cell fields.
 #[derive(Clone, Debug, Default)]
 pub struct FieldSet<'a> {
     /// Reference positions, m.
     pub points: &'a [[f64; 3]],
-    /// Four points per element, from 0, in VTK's order (the determinant of the edges from the first point is positive).
-    pub elements: &'a [[u32; 4]],
+    /// The points of each element.
+    pub elements: &'a Elements,
     /// Vectors at the points.
     pub point_vectors: Vec<(&'a str, &'a [[f64; 3]])>,
     /// Scalars in the elements.
@@ -36,8 +38,8 @@ pub struct FieldSet<'a> {
 pub struct Fields {
     /// Reference positions, m.
     pub points: Vec<[f64; 3]>,
-    /// Four points per element, each below the number of points.
-    pub elements: Vec<[u32; 4]>,
+    /// The points of each element, each below the number of points.
+    pub elements: Elements,
     /// Vectors at the points.
     pub point_vectors: Vec<(String, Vec<[f64; 3]>)>,
     /// Scalars in the elements.
@@ -103,11 +105,10 @@ pub(super) fn check(path: &Path, fields: &FieldSet) -> Result<(), ResultsError> 
     for (name, found, expected) in lengths {
         ResultsError::check_length(path, name, found, expected)?;
     }
-    check_points(path, fields.elements.iter().copied(), points)
+    check_points(path, fields.elements.iter(), points)
 }
 
 fn data_set(fields: &FieldSet) -> DataSet {
-    let elements = fields.elements.len();
     let point = fields.point_vectors.iter().map(|(name, values)| vectors(name, values)).collect();
     let scalars = fields.cell_scalars.iter().map(|(name, values)| array(DataArray::new(*name, 1), values));
     let integers = fields.cell_integers.iter().map(|(name, values)| array(DataArray::new(*name, 1), values));
@@ -119,13 +120,7 @@ fn data_set(fields: &FieldSet) -> DataSet {
         .collect();
     DataSet::inline(UnstructuredGridPiece {
         points: fields.points.as_flattened().to_vec().into(),
-        cells: Cells {
-            cell_verts: VertexNumbers::XML {
-                connectivity: fields.elements.as_flattened().iter().map(|&node| node.into()).collect(),
-                offsets: (1..=elements as u64).map(|element| 4 * element).collect(),
-            },
-            types: vec![CellType::Tetra; elements],
-        },
+        cells: vtk_cells::to_vtk(fields.elements),
         data: Attributes { point, cell },
     })
 }

@@ -4,16 +4,16 @@ use std::collections::HashMap;
 use std::path::Path;
 
 use vtkio::IOBuffer;
-use vtkio::model::{Attribute, CellType, DataSet, Piece, UnstructuredGridPiece, VertexNumbers};
+use vtkio::model::{Attribute, DataSet, Piece, UnstructuredGridPiece};
 
-use super::vtk::{attribute, cells, groups, read, visit_elements};
-use super::{Fields, ResultsError};
+use super::vtk::{attribute, groups, read, visit_elements};
+use super::{Fields, ResultsError, vtk_cells};
 
 /// Reads a file written by [`write_vtu`](super::write_vtu). Arrays of other types are ignored.
 ///
 /// # Errors
 /// Returns [`ResultsError::Read`] if the file cannot be read; [`ResultsError::Damaged`] or
-/// [`ResultsError::ElementNode`] if it does not hold a valid mesh of tetrahedra.
+/// [`ResultsError::ElementNode`] if it does not hold a valid mesh.
 pub fn read_vtu(path: &Path) -> Result<Fields, ResultsError> {
     const EXPECTED: &str = "an unstructured grid in VTK's XML form";
     let damaged = |what: &str| ResultsError::damaged(path, None, what, EXPECTED);
@@ -76,14 +76,14 @@ fn append(whole: &mut Fields, piece: Fields, met: &mut HashMap<Mark, u32>, path:
     let Fields { mut points, mut elements, mut point_vectors, .. } = piece;
     keep(&mut points, &is_new);
     point_vectors.iter_mut().for_each(|(_, values)| keep(values, &is_new));
-    elements.iter_mut().for_each(|nodes| *nodes = nodes.map(|node| places[node as usize]));
+    elements = elements.map(|node| places[node as usize]);
     let piece = Fields { points, elements, point_vectors, ..piece };
     if whole.elements.is_empty() {
         *whole = piece;
         return Ok(());
     }
     whole.points.extend(piece.points);
-    whole.elements.extend(piece.elements);
+    whole.elements.extend(&piece.elements);
     let same = extend(&mut whole.point_vectors, piece.point_vectors)
         && extend(&mut whole.cell_scalars, piece.cell_scalars)
         && extend(&mut whole.cell_integers, piece.cell_integers)
@@ -115,18 +115,12 @@ fn extend<T>(whole: &mut [(String, Vec<T>)], piece: Vec<(String, Vec<T>)>) -> bo
 }
 
 fn mesh_and_fields(path: &Path, piece: UnstructuredGridPiece) -> Result<Fields, ResultsError> {
-    let damaged = |what: &str| ResultsError::damaged(path, None, what, "a mesh of tetrahedra");
-    if piece.cells.types.iter().any(|&kind| kind != CellType::Tetra) {
-        return Err(damaged("holds other cells than tetrahedra"));
-    }
+    let damaged = |what: &str| ResultsError::damaged(path, None, what, "a mesh with positions of 64 bits");
     let points: Vec<[f64; 3]> = match piece.points {
         IOBuffer::F64(values) => groups(&values),
         _ => return Err(damaged("positions are not 64-bit numbers")),
     };
-    let VertexNumbers::XML { connectivity, .. } = piece.cells.cell_verts else {
-        return Err(damaged("cells are in another form"));
-    };
-    let elements = cells(path, &connectivity, points.len())?;
+    let elements = vtk_cells::from_vtk(path, piece.cells, points.len())?;
     let mut fields = Fields { points, elements, ..Fields::default() };
     for attribute in piece.data.point {
         if let Attribute::DataArray(array) = attribute

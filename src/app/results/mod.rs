@@ -35,6 +35,7 @@ pub mod pieces;
 mod record;
 mod replace;
 mod vtk;
+mod vtk_cells;
 
 pub use clear::{clear, clear_unfinished};
 pub(in crate::app) use clear::{failed_rve_file, remove_as};

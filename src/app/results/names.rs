@@ -1,7 +1,7 @@
 //! The names of the files that a run writes for steps and elements.
 
 use super::collection::{field_file, index_file, partial};
-use super::networks::{network_collection, network_file};
+use super::networks::{NetworkPoint, network_collection, network_file};
 use super::pieces::part_file;
 
 /// A file of a step or an element, recognized by its name.
@@ -13,10 +13,10 @@ pub(super) enum FileName {
     Index { step: usize },
     /// The fields of a piece of a divided body.
     Part { step: usize },
-    /// The network of an element.
-    Network { element: usize, step: usize },
-    /// The collection of the networks of an element.
-    Collection { element: usize },
+    /// The network of an RVE.
+    Network { point: NetworkPoint, step: usize },
+    /// The collection of the networks of an RVE.
+    Collection { point: NetworkPoint },
     /// Fields or a network of a state within a step.
     Partial,
 }
@@ -34,11 +34,19 @@ impl FileName {
                 return Some(Self::Partial);
             }
             (Self::Part { step }, part_file(&index_file(step), part))
+        } else if let Some([element, point, step]) = numbers(&of_step, ["element-", "-point-", "-step-", ".vtp"]) {
+            let point = NetworkPoint { element, point: Some(point) };
+            (Self::Network { point, step }, network_file(point, step))
         } else if let Some([element, step]) = numbers(&of_step, ["element-", "-step-", ".vtp"]) {
-            (Self::Network { element, step }, network_file(element, step))
+            let point = NetworkPoint { element, point: None };
+            (Self::Network { point, step }, network_file(point, step))
+        } else if let Some([element, point]) = numbers(&of_step, ["element-", "-point-", ".pvd"]) {
+            let point = NetworkPoint { element, point: Some(point) };
+            (Self::Collection { point }, network_collection(point))
         } else {
             let [element] = numbers(&of_step, ["element-", ".pvd"])?;
-            (Self::Collection { element }, network_collection(element))
+            let point = NetworkPoint { element, point: None };
+            (Self::Collection { point }, network_collection(point))
         };
         let has_partial = matches!(kind, Self::Fields { .. } | Self::Index { .. } | Self::Network { .. });
         match name {
@@ -87,13 +95,17 @@ mod tests {
     #[test]
     fn names_are_recognized_exactly() {
         use FileName::{Collection, Fields, Index, Network, Part, Partial};
+        let of = |point| NetworkPoint { element: 17, point };
         for (name, expected) in [
             ("fields-00003.vtu", Some(Fields { step: 3 })),
             ("fields-00003.pvtu", Some(Index { step: 3 })),
             ("fields-00003-part-0002.vtu", Some(Part { step: 3 })),
             ("fields-123456-part-12345.vtu", Some(Part { step: 123_456 })),
-            ("element-00017-step-00003.vtp", Some(Network { element: 17, step: 3 })),
-            ("element-00017.pvd", Some(Collection { element: 17 })),
+            ("element-00017-step-00003.vtp", Some(Network { point: of(None), step: 3 })),
+            ("element-00017-point-02-step-00003.vtp", Some(Network { point: of(Some(2)), step: 3 })),
+            ("element-00017.pvd", Some(Collection { point: of(None) })),
+            ("element-00017-point-26.pvd", Some(Collection { point: of(Some(26)) })),
+            ("element-00017-point-2.pvd", None),
             ("fields-00003-partial.vtu", Some(Partial)),
             ("fields-00003-partial.pvtu", Some(Partial)),
             ("fields-00003-partial-part-0002.vtu", Some(Partial)),

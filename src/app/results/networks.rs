@@ -1,5 +1,6 @@
 //! A deformed fiber network as a VTK file (`.vtp`, PolyData): one line per fiber, numbers as in [`super::fields`].
 
+use std::fmt;
 use std::path::Path;
 
 use vtkio::IOBuffer;
@@ -7,6 +8,7 @@ use vtkio::model::{Attribute, Attributes, DataArray, DataSet, Piece, PolyDataPie
 
 use super::ResultsError;
 use super::vtk::{array, cells, check_points, encode, groups, read};
+use crate::fem::mesh::IntegrationPoint;
 use crate::output;
 
 /// A network, borrowed for writing; the fiber arrays have one entry per fiber.
@@ -39,14 +41,37 @@ pub struct Networks {
     pub kind: Vec<i64>,
 }
 
-/// Returns the name of the file of an element and a step, in the folder of networks.
-pub fn network_file(element: usize, step: usize) -> String {
-    format!("element-{element:05}-step-{step:05}.vtp")
+/// The RVE whose network a file holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct NetworkPoint {
+    /// The element, from 0.
+    pub element: usize,
+    /// The integration point within the element, from 0; `None` if the element has a single one.
+    pub point: Option<usize>,
 }
 
-/// Returns the name of the collection of an element, in the folder of networks.
-pub fn network_collection(element: usize) -> String {
-    format!("element-{element:05}.pvd")
+impl From<IntegrationPoint> for NetworkPoint {
+    fn from(IntegrationPoint { element, point, points }: IntegrationPoint) -> Self {
+        Self { element: element as usize, point: (points > 1).then_some(point.into()) }
+    }
+}
+
+impl fmt::Display for NetworkPoint {
+    /// Writes the first part of the names of files: `element-00012` or `element-00012-point-03`.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "element-{:05}", self.element)?;
+        self.point.map_or(Ok(()), |point| write!(f, "-point-{point:02}"))
+    }
+}
+
+/// Returns the name of the file of an RVE and a step, in the folder of networks.
+pub fn network_file(point: NetworkPoint, step: usize) -> String {
+    format!("{point}-step-{step:05}.vtp")
+}
+
+/// Returns the name of the collection of an RVE, in the folder of networks.
+pub fn network_collection(point: NetworkPoint) -> String {
+    format!("{point}.pvd")
 }
 
 /// Writes a network to `path`, which should end in `.vtp`. An existing file is replaced atomically; symbolic links,
@@ -61,7 +86,7 @@ pub fn write_vtp(path: &Path, network: &NetworkSet) -> Result<(), ResultsError> 
     for (name, found) in lengths {
         ResultsError::check_length(path, name, found, network.fibers.len())?;
     }
-    check_points(path, network.fibers.iter().copied(), network.points.len())?;
+    check_points(path, network.fibers.iter().map(<[u32; 2]>::as_slice), network.points.len())?;
     let bytes = encode(path, data_set(network))?;
     output::write(path, &bytes).map_err(ResultsError::write(path))
 }

@@ -14,6 +14,7 @@ use super::fields::check;
 use super::replace::replace;
 use super::vtk::write_text;
 use super::{FieldSet, ResultsError, write_vtu};
+use crate::fem::mesh::Elements;
 
 /// Returns the name of the piece of a part, beside the index file that names all pieces: `fields-00003.pvtu` has
 /// `fields-00003-part-0002.vtu`.
@@ -71,12 +72,12 @@ fn arrays_and_sources(writer: &mut Writer<Vec<u8>>, sources: &[String], fields: 
 
 /// Writes the piece with these elements, ascending, and their points.
 fn write_piece(path: &Path, own: &[u32], fields: &FieldSet) -> Result<(), ResultsError> {
-    let elements = gather(fields.elements, own);
-    let mut points = elements.concat();
+    let elements: Elements = own.iter().filter_map(|&element| fields.elements.get(element as usize)).collect();
+    let mut points: Vec<u32> = elements.iter().flatten().copied().collect();
     points.sort_unstable();
     points.dedup();
     let place = |point: u32| points.partition_point(|&other| other < point) as u32;
-    let corners: Vec<[u32; 4]> = elements.iter().map(|nodes| nodes.map(place)).collect();
+    let elements = elements.map(place);
     let positions = gather(fields.points, &points);
     let point_vectors = cut(&fields.point_vectors, &points);
     let cell_scalars = cut(&fields.cell_scalars, own);
@@ -85,7 +86,7 @@ fn write_piece(path: &Path, own: &[u32], fields: &FieldSet) -> Result<(), Result
     let cell_tensors = cut(&fields.cell_tensors, own);
     let own = FieldSet {
         points: &positions,
-        elements: &corners,
+        elements: &elements,
         point_vectors: borrow(&point_vectors),
         cell_scalars: borrow(&cell_scalars),
         cell_integers: borrow(&cell_integers),
@@ -179,11 +180,13 @@ mod tests {
         region: Vec<i64>,
         direction: Vec<[f64; 3]>,
         stress: Vec<[f64; 9]>,
+        elements: Elements,
     }
 
     impl Values {
         fn new() -> Self {
             Self {
+                elements: ELEMENTS.to_vec().into(),
                 points: (0..POINTS).map(|point| [f64::from(point), 0.5, -1.0]).collect(),
                 displacement: (0..POINTS).map(|point| [0.0, f64::from(point) / 3.0, 1.0]).collect(),
                 energy: (0..4).map(|element| f64::from(element) / 7.0).collect(),
@@ -196,7 +199,7 @@ mod tests {
         fn fields(&self) -> FieldSet<'_> {
             FieldSet {
                 points: &self.points,
-                elements: &ELEMENTS,
+                elements: &self.elements,
                 point_vectors: vec![("displacement", &self.displacement)],
                 cell_scalars: vec![("energy", &self.energy)],
                 cell_integers: vec![("region", &self.region)],
@@ -229,7 +232,8 @@ mod tests {
                 assert_eq!(moved, values.displacement[point as usize]);
             }
             for (place, &element) in own.iter().enumerate() {
-                assert_eq!(read.elements[place].map(|node| points[node as usize]), ELEMENTS[element]);
+                let nodes: Vec<u32> = read.elements[place].iter().map(|&node| points[node as usize]).collect();
+                assert_eq!(nodes, ELEMENTS[element]);
                 assert_eq!(read.cell_scalar("energy").unwrap()[place], values.energy[element]);
                 assert_eq!(read.cell_integer("region").unwrap()[place], values.region[element]);
                 assert_eq!(read.cell_vector("direction").unwrap()[place], values.direction[element]);
@@ -250,7 +254,8 @@ mod tests {
         // The elements are in the order of the pieces: those of part 0, then those of part 2.
         for (nodes, element) in read.elements.iter().zip([1, 3, 0, 2]) {
             let expected = ELEMENTS[element].map(|node| values.points[node as usize]);
-            assert_eq!(nodes.map(|node| read.points[node as usize]), expected);
+            let found: Vec<_> = nodes.iter().map(|&node| read.points[node as usize]).collect();
+            assert_eq!(found, expected);
         }
     }
 

@@ -11,7 +11,7 @@ use super::collection::Entry;
 use super::fields_read::sources;
 use super::loads::LineChecksum;
 use super::names::FileName;
-use super::networks::network_collection;
+use super::networks::{NetworkPoint, network_collection};
 use super::replace::names_in;
 use super::{Collection, FIELDS_FILE, LOADS_FILE, Loads, NETWORKS_FOLDER, ResultsError};
 
@@ -108,7 +108,7 @@ impl ResultsRecord {
         }
         let folder = dir.join(NETWORKS_FOLDER);
         for networks in &network_series(&folder, progress)? {
-            let collection = folder.join(network_collection(networks.element));
+            let collection = folder.join(network_collection(networks.point));
             let listed = Collection::listed(&collection)?.unwrap_or_default();
             for entry in listed.iter().filter(|entry| entry.time <= t) {
                 file_length(&folder.join(&entry.file))?;
@@ -127,10 +127,10 @@ fn restored_message(collection: &Path, count: usize, one: &str, several: &str) -
     (count > 0).then(|| format!("{collection}: does not list {files} of the run, which will be listed again"))
 }
 
-/// The network files of an element.
+/// The network files of an RVE.
 pub struct NetworkSeries {
-    /// The element.
-    pub element: usize,
+    /// The RVE.
+    pub point: NetworkPoint,
     /// The files in the folder up to the last converged step, in ascending time.
     pub files: Vec<Entry>,
 }
@@ -145,26 +145,26 @@ fn file_length(path: &Path) -> Result<u64, ResultsError> {
     }
 }
 
-/// Returns all elements that have a collection of networks in `folder`, or networks of converged steps, ascending.
+/// Returns all RVEs that have a collection of networks in `folder`, or networks of converged steps, ascending.
 ///
 /// # Errors
 /// Returns [`ResultsError::Read`] if the folder cannot be read.
 pub fn network_series(folder: &Path, progress: RunProgress) -> Result<Vec<NetworkSeries>, ResultsError> {
-    let mut steps = BTreeMap::<usize, BTreeMap<usize, String>>::new();
+    let mut steps = BTreeMap::<NetworkPoint, BTreeMap<usize, String>>::new();
     for name in names_in(folder).map_err(ResultsError::read(folder))? {
         match FileName::parse(&name) {
-            Some(FileName::Collection { element }) => {
-                steps.entry(element).or_default();
+            Some(FileName::Collection { point }) => {
+                steps.entry(point).or_default();
             }
-            Some(FileName::Network { element, step }) if step <= progress.steps => {
-                steps.entry(element).or_default().insert(step, name);
+            Some(FileName::Network { point, step }) if step <= progress.steps => {
+                steps.entry(point).or_default().insert(step, name);
             }
             _ => {}
         }
     }
-    let series = steps.into_iter().map(|(element, files)| {
+    let series = steps.into_iter().map(|(point, files)| {
         let files = files.into_iter().map(|(step, file)| Entry { time: progress.t_of(step), file }).collect();
-        NetworkSeries { element, files }
+        NetworkSeries { point, files }
     });
     Ok(series.collect())
 }

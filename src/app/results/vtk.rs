@@ -99,18 +99,18 @@ pub(super) fn cells<const N: usize>(
     points: usize,
 ) -> Result<Vec<[u32; N]>, ResultsError> {
     let cells = connectivity.as_chunks::<N>().0;
-    check_points(path, cells.iter().copied(), points)?;
+    check_points(path, cells.iter().map(<[u64; N]>::as_slice), points)?;
     Ok(cells.iter().map(|cell| cell.map(|point| point as u32)).collect())
 }
 
 /// Checks that the points of all cells are below `points`.
-pub(super) fn check_points<const N: usize, T: Copy + Into<u64>>(
+pub(super) fn check_points<'a, T: Copy + Into<u64> + 'a>(
     path: &Path,
-    cells: impl Iterator<Item = [T; N]>,
+    cells: impl Iterator<Item = &'a [T]>,
     points: usize,
 ) -> Result<(), ResultsError> {
     for (element, cell) in cells.enumerate() {
-        if let Some(node) = cell.map(Into::into).into_iter().find(|&node| node >= points as u64) {
+        if let Some(node) = cell.iter().map(|&node| node.into()).find(|&node| node >= points as u64) {
             return Err(ResultsError::ElementNode { path: path.into(), element, node, nodes: points });
         }
     }

@@ -60,7 +60,7 @@ impl ProblemSize {
             rves: sites.rves(),
             networks: networks.collect(),
             rve_bytes: field.rve_bytes(),
-            body_bytes: point_bytes * mesh.elements().len(),
+            body_bytes: point_bytes * mesh.points().len(),
             steps: case.steps.count,
             threads: rayon::current_num_threads(),
             ranks: field.ranks(),

@@ -81,7 +81,7 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
         warnings.extend(plausibility::warnings(&case, &mesh, field.library()));
         warnings.extend(network_warnings);
         warnings.extend(without_networks(&case));
-        let networks = rve_files::elements(&case, mesh.elements().len(), &field)?;
+        let networks = rve_files::points(&case, &field)?;
         Ok(Self { context, case, mesh, conditions, field, networks, unknowns, warnings })
     }
 

@@ -2,9 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
+use biotissue::fem::element::CellType;
 use biotissue::fem::mesh::gmsh::{self, Version, WriteOptions};
 use biotissue::fem::mesh::shapes::{self, DogboneShape, ShapeError};
-use biotissue::fem::mesh::{Mesh, Surface};
+use biotissue::fem::mesh::{Faces, Mesh, Surface};
 use clap::{Args, Subcommand, ValueEnum};
 
 use crate::failure::Failure;
@@ -159,9 +160,9 @@ fn table(file: &Path, mesh: &Mesh) -> String {
         lines.push(format!("  region    {name:<8} {elements:>10} elements    volume {volume:.6e} m^3"));
     }
     for surface in mesh.surfaces() {
-        let Surface { name, triangles } = surface;
+        let Surface { name, faces } = surface;
         let area = mesh.surface_area(surface);
-        lines.push(format!("  surface   {name:<8} {:>10} triangles   area   {area:.6e} m^2", triangles.len()));
+        lines.push(format!("  surface   {name:<8} {:>10} {:<11} area   {area:.6e} m^2", faces.len(), noun(faces)));
     }
     lines.join("\n")
 }
@@ -173,7 +174,8 @@ fn json(file: &Path, mesh: &Mesh) -> serde_json::Value {
     let surface = |surface: &Surface| {
         serde_json::json!({
             "name": surface.name,
-            "triangles": surface.triangles.len(),
+            "triangles": surface.faces.typed().filter(|(face_type, _)| face_type.corners() == 3).count(),
+            "quadrilaterals": surface.faces.typed().filter(|(face_type, _)| face_type.corners() == 4).count(),
             "area": mesh.surface_area(surface),
         })
     };
@@ -187,6 +189,12 @@ fn json(file: &Path, mesh: &Mesh) -> serde_json::Value {
         "regions": regions,
         "surfaces": mesh.surfaces().iter().map(surface).collect::<Vec<_>>(),
     })
+}
+
+/// Returns `triangles`, `quadrilaterals`, or `faces` for both.
+fn noun(faces: &Faces) -> &'static str {
+    let mut nouns = faces.blocks().iter().map(|block| block.cell_type().nouns()[1]);
+    nouns.next().filter(|first| nouns.all(|other| other == *first)).unwrap_or("faces")
 }
 
 /// Returns name, number of elements and volume of every region.

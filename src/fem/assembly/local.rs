@@ -1,54 +1,84 @@
-//! Integrals over one element, on stack arrays. One-point quadrature is exact because `F`, `P` and `A` are constant
-//! over a linear tetrahedron.
+//! Integrals over one element, on stack arrays.
 
 use nalgebra::{Matrix3, SMatrix};
 
-use crate::fem::element::{NODES, Tetrahedron, UNKNOWNS};
+use crate::fem::element::PointGeometry;
 
-/// Computes `f_a = V P grad N_a`, N, for every node.
+/// The stiffness of an element of `N` nodes: `K[a][i][b][k]` is the derivative of component `i` of the force on node `a`
+/// by component `k` of the displacement of node `b`, N/m. Flattened, it is row-major.
+pub type ElementStiffness<const N: usize> = [[[[f64; 3]; N]; 3]; N];
+
+/// Returns the entries of an element stiffness, row-major.
 #[inline(always)]
-pub fn internal_force(element: &Tetrahedron, pk1: &Matrix3<f64>) -> [[f64; 3]; NODES] {
-    let vp = pk1 * element.volume;
-    element.gradients.map(|g| std::array::from_fn(|i| vp[(i, 0)] * g[0] + vp[(i, 1)] * g[1] + vp[(i, 2)] * g[2]))
+pub fn entries<const N: usize>(stiffness: &ElementStiffness<N>) -> &[f64] {
+    stiffness.as_flattened().as_flattened().as_flattened()
 }
 
-/// Computes `K[3 a + i, 3 b + k] = V sum_JL g_a[J] A_iJkL g_b[L]`, N/m, row-major.
-///
-/// The kernel contracts `A` with `g_b` first, then with `g_a`, for nodes 1 to 3 only. Of their nine blocks it computes
-/// the six with `a <= b`; the others are transposes because `A` is symmetric. The gradients sum to zero, so the blocks
-/// of node 0 are minus the sum of the others; a rigid translation therefore causes no force.
+/// Computes the contribution of a point to `f_a = integral P grad N_a dV`, N, for every node.
 #[inline(always)]
-pub fn stiffness(element: &Tetrahedron, tangent: &SMatrix<f64, 9, 9>) -> [f64; UNKNOWNS * UNKNOWNS] {
-    // Column (b, k) of K; w[iJ] = V A_iJkL g_b[L]; the row node a is `c` here.
-    let mut block = [[0.0; UNKNOWNS]; UNKNOWNS];
-    let a: &[[f64; 9]; 9] = &tangent.data.0;
-    let gradients = &element.gradients;
-    for b in 1..NODES {
-        let g = gradients[b].map(|g| g * element.volume);
+pub fn internal_force<const N: usize>(point: &PointGeometry<N>, pk1: &Matrix3<f64>) -> [[f64; 3]; N] {
+    let vp = pk1 * point.volume;
+    point.gradients.map(|g| std::array::from_fn(|i| vp[(i, 0)] * g[0] + vp[(i, 1)] * g[1] + vp[(i, 2)] * g[2]))
+}
+
+/// Computes `K[a][i][b][k] = sum_q V_q sum_JL g_a[J] A_iJkL g_b[L]` over the integration points of an element.
+///
+/// The kernel contracts `A` with `g_b` first, then with `g_a`, for all nodes but the first. It computes the blocks with
+/// `a <= b`; the others are transposes because `A` is symmetric. The gradients sum to zero, so the blocks of node 0 are
+/// minus the sum of the others; a rigid translation therefore causes no force.
+#[inline(always)]
+pub fn stiffness<const N: usize, const Q: usize>(
+    points: &[PointGeometry<N>; Q],
+    tangents: &[SMatrix<f64, 9, 9>; Q],
+) -> ElementStiffness<N> {
+    let mut block = [[[[0.0; 3]; N]; 3]; N];
+    for (q, (point, tangent)) in points.iter().zip(tangents).enumerate() {
+        if q == 0 {
+            add_upper_blocks::<N, true>(point, &tangent.data.0, &mut block);
+        } else {
+            add_upper_blocks::<N, false>(point, &tangent.data.0, &mut block);
+        }
+    }
+    mirror(&mut block);
+    fill_node_zero(&mut block);
+    block
+}
+
+/// Adds the contribution of a point to the blocks of nodes `1 <= a <= b`. `w[iJ] = V A_iJkL g_b[L]` belongs to column
+/// `(b, k)`; the node `a` of the row is `c` here. The contribution of the first point replaces the zeros of the block.
+#[inline(always)]
+fn add_upper_blocks<const N: usize, const IS_FIRST: bool>(
+    point: &PointGeometry<N>,
+    a: &[[f64; 9]; 9],
+    block: &mut ElementStiffness<N>,
+) {
+    let gradients = &point.gradients;
+    for b in 1..N {
+        let g = gradients[b].map(|g| g * point.volume);
         for k in 0..3 {
             let w: [f64; 9] =
                 std::array::from_fn(|r| a[3 * k][r] * g[0] + a[3 * k + 1][r] * g[1] + a[3 * k + 2][r] * g[2]);
             for c in 1..=b {
                 let g = &gradients[c];
                 for i in 0..3 {
-                    block[3 * c + i][3 * b + k] = w[3 * i] * g[0] + w[3 * i + 1] * g[1] + w[3 * i + 2] * g[2];
+                    let value = w[3 * i] * g[0] + w[3 * i + 1] * g[1] + w[3 * i + 2] * g[2];
+                    let entry = &mut block[c][i][b][k];
+                    *entry = if IS_FIRST { value } else { *entry + value };
                 }
             }
         }
     }
-    mirror(&mut block);
-    fill_node_zero(&mut block);
-    std::array::from_fn(|n| block[n / UNKNOWNS][n % UNKNOWNS])
 }
 
-/// Copies the upper blocks of nodes 1 to 3 to the lower triangle.
+/// Copies the upper blocks of all nodes but the first to the lower triangle.
+#[expect(clippy::needless_range_loop, reason = "the indices are those of the formula")]
 #[inline(always)]
-fn mirror(block: &mut [[f64; UNKNOWNS]; UNKNOWNS]) {
-    for a in 2..NODES {
+fn mirror<const N: usize>(block: &mut ElementStiffness<N>) {
+    for a in 2..N {
         for b in 1..a {
             for i in 0..3 {
                 for k in 0..3 {
-                    block[3 * a + i][3 * b + k] = block[3 * b + k][3 * a + i];
+                    block[a][i][b][k] = block[b][k][a][i];
                 }
             }
         }
@@ -56,18 +86,30 @@ fn mirror(block: &mut [[f64; UNKNOWNS]; UNKNOWNS]) {
 }
 
 /// Computes the blocks of node 0 from the others: rows and columns sum to zero.
+#[expect(clippy::needless_range_loop, reason = "the indices are those of the formula")]
 #[inline(always)]
-fn fill_node_zero(block: &mut [[f64; UNKNOWNS]; UNKNOWNS]) {
-    let (zero, others) = block.split_at_mut(3);
-    for (i, row) in zero.iter_mut().enumerate() {
-        for n in 3..UNKNOWNS {
-            row[n] = -(others[i][n] + others[3 + i][n] + others[6 + i][n]);
+fn fill_node_zero<const N: usize>(block: &mut ElementStiffness<N>) {
+    for i in 0..3 {
+        for b in 1..N {
+            for k in 0..3 {
+                let mut sum = block[1][i][b][k];
+                for other in &block[2..] {
+                    sum += other[i][b][k];
+                }
+                block[0][i][b][k] = -sum;
+            }
         }
         for k in 0..3 {
-            row[k] = -(row[3 + k] + row[6 + k] + row[9 + k]);
+            let mut sum = block[0][i][1][k];
+            for other in &block[0][i][2..] {
+                sum += other[k];
+            }
+            block[0][i][0][k] = -sum;
         }
-        for (other, &value) in others.iter_mut().zip(&row[3..]) {
-            other[i] = value;
+        for b in 1..N {
+            for k in 0..3 {
+                block[b][k][0][i] = block[0][i][b][k];
+            }
         }
     }
 }
@@ -75,30 +117,42 @@ fn fill_node_zero(block: &mut [[f64; UNKNOWNS]; UNKNOWNS]) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fem::element::geometry;
+    use crate::fem::element::reference::{Element, Hex8, Hex20, Hex27, Tet4, Tet10, Wedge6};
     use crate::fem::material::{Material, NeoHookean};
 
-    fn element() -> Tetrahedron {
-        Tetrahedron::new(&[[0.1, 0.0, 0.2], [1.0, 0.1, 0.0], [0.2, 0.9, 0.1], [0.0, 0.3, 1.2]]).unwrap()
+    fn the_fast_kernel_equals_the_plain_sum<E: Element<3, N, Q>, const N: usize, const Q: usize>() {
+        let nodes = E::nodes().map(|[x, y, z]| [x + 0.05 * y * z + 3.0, y - 0.03 * x * x, 1.2 * z + 0.04 * x * y]);
+        let points = geometry::<E, N, Q>(&nodes).unwrap();
+        let tangents: [SMatrix<f64, 9, 9>; Q] = std::array::from_fn(|q| {
+            let f = Matrix3::new(1.2, 0.3, -0.1, 0.05, 0.9, 0.2, -0.2, 0.01 * q as f64, 1.1);
+            NeoHookean { mu: 2.0, lambda: 3.0 }.evaluate(&f).unwrap().tangent
+        });
+        let fast = stiffness(&points, &tangents);
+        let scale = entries(&fast).iter().fold(0.0, |most: f64, entry| most.max(entry.abs()));
+        for row in 0..3 * N {
+            for col in 0..3 * N {
+                let mut plain = 0.0;
+                for (point, tangent) in points.iter().zip(&tangents) {
+                    for (j, l) in (0..9).map(|n| (n / 3, n % 3)) {
+                        plain += point.volume
+                            * point.gradients[row / 3][j]
+                            * tangent[(3 * (row % 3) + j, 3 * (col % 3) + l)]
+                            * point.gradients[col / 3][l];
+                    }
+                }
+                assert!((plain - entries(&fast)[3 * N * row + col]).abs() < 1e-13 * scale, "({row}, {col})");
+            }
+        }
     }
 
     #[test]
-    fn the_fast_kernel_equals_the_plain_sum() {
-        let f = Matrix3::new(1.2, 0.3, -0.1, 0.05, 0.9, 0.2, -0.2, 0.1, 1.1);
-        let response = NeoHookean { mu: 2.0, lambda: 3.0 }.evaluate(&f).unwrap();
-        let (e, fast) = (element(), stiffness(&element(), &response.tangent));
-        for row in 0..UNKNOWNS {
-            for col in 0..UNKNOWNS {
-                let mut plain = 0.0;
-                for j in 0..3 {
-                    for l in 0..3 {
-                        plain += e.volume
-                            * e.gradients[row / 3][j]
-                            * response.tangent[(3 * (row % 3) + j, 3 * (col % 3) + l)]
-                            * e.gradients[col / 3][l];
-                    }
-                }
-                assert!((plain - fast[UNKNOWNS * row + col]).abs() < 1e-14 * response.tangent.norm(), "({row}, {col})");
-            }
-        }
+    fn the_fast_kernels_equal_the_plain_sums() {
+        the_fast_kernel_equals_the_plain_sum::<Tet4, _, _>();
+        the_fast_kernel_equals_the_plain_sum::<Tet10, _, _>();
+        the_fast_kernel_equals_the_plain_sum::<Hex8, _, _>();
+        the_fast_kernel_equals_the_plain_sum::<Hex20, _, _>();
+        the_fast_kernel_equals_the_plain_sum::<Hex27, _, _>();
+        the_fast_kernel_equals_the_plain_sum::<Wedge6, _, _>();
     }
 }

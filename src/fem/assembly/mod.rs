@@ -9,14 +9,14 @@
 //! integral P(F) : grad w dV = sum_a w_a . f_ext_a,    F = I + grad u.
 //! ```
 //!
-//! With `u = sum_b N_b u_b` and `w = N_a e_i`, on tetrahedra of volume `V` with constant gradients `g_a = dN_a/dX`, and
-//! with summation over repeated indices:
+//! With `u = sum_b N_b u_b` and `w = N_a e_i`, at integration points `q` of volume `V` (weight times Jacobian) with the
+//! gradients `g_a = dN_a/dX`, and with summation over repeated indices:
 //!
 //! ```text
-//! f_int[a i]  = integral P_iJ dN_a/dX_J dV                  = sum_e V P_iJ g_a[J]
+//! f_int[a i]  = integral P_iJ dN_a/dX_J dV                  = sum_q V P_iJ g_a[J]
 //! r           = f_int - f_ext                               = 0 for the free components
 //! K[a i, b k] = dr[a i] / du[b k]  (dF_kL / du[b k] = dN_b/dX_L)
-//!             = integral dN_a/dX_J A_iJkL dN_b/dX_L dV      = sum_e V g_a[J] A_iJkL g_b[L]
+//!             = integral dN_a/dX_J A_iJkL dN_b/dX_L dV      = sum_q V g_a[J] A_iJkL g_b[L]
 //!               - df_ext[a i] / du[b k]
 //! ```
 //!
@@ -24,32 +24,21 @@
 //! prescribed components are left out of `r` and `K`; their entries of `f_int - f_ext` are the reaction forces.
 //!
 //! # Order
-//! Elements are added in mesh order, their nodes and components in local order, so every run adds the same terms in the
-//! same order.
+//! Elements are added in mesh order, their points, nodes and components in local order, so every run adds the same terms
+//! in the same order.
 
+mod geometry;
 pub mod local;
 mod unknowns;
 
 use nalgebra::{Matrix3, SMatrix};
-use thiserror::Error;
 
+pub use geometry::{Geometry, GeometryError, geometry};
 pub use unknowns::Unknowns;
 
 use super::boundary::Load;
-use super::element::{ElementError, NODES, Tetrahedron, UNKNOWNS};
-use super::mesh::Mesh;
 use crate::las::{Backend, Index, MatrixOps, RealBackend, VectorOps};
-use crate::tensor::contract;
-
-/// An element of the mesh that is degenerate.
-#[derive(Clone, Copy, Debug, Error, PartialEq)]
-#[error("element {element}: {reason}")]
-pub struct GeometryError {
-    /// Element index, from 0.
-    pub element: usize,
-    /// The defect of the element.
-    pub reason: ElementError,
-}
+use geometry::{Block, with_block};
 
 /// Geometry and matrix positions of all elements, computed once; integrates and scatters at every state.
 ///
@@ -58,16 +47,21 @@ pub struct GeometryError {
 /// derive from an energy. [`Assembler::stiffness`] relies on it: only half of the node blocks are integrated. The
 /// stiffness of loads may be unsymmetric; see [`Load::symmetry`].
 pub struct Assembler<B: Backend> {
-    geometry: Vec<Tetrahedron>,
-    nodes: Vec<[u32; NODES]>,
+    geometry: Geometry,
+    /// The positions of the stiffness in the matrix, for each block of elements.
+    local_blocks: Vec<LocalBlock<B>>,
     /// The unknown of each node and component, at `3 * node + component`.
     equation_numbers: Vec<B::Index>,
-    /// Elements with a row on this rank, ascending; all elements on a serial backend.
-    local_elements: Vec<u32>,
-    /// 144 matrix positions per local element, row-major.
-    entry_positions: Vec<B::Slot>,
     /// The groups of coupled nodes of the loads that have rows on this rank.
     load_groups: Vec<LoadGroup<B>>,
+}
+
+/// The elements of a block with rows on this rank.
+struct LocalBlock<B: Backend> {
+    /// Their numbers within the block, ascending; all elements on a serial backend.
+    elements: Vec<u32>,
+    /// The square of three times the number of nodes per element, row-major.
+    entry_positions: Vec<B::Slot>,
 }
 
 /// The position in the matrix of one group of [`Load::coupled_nodes`].
@@ -79,33 +73,17 @@ struct LoadGroup<B: Backend> {
 }
 
 impl<B: RealBackend> Assembler<B> {
-    /// Looks up the positions of the entries of all elements of `mesh` in `matrix`, whose sparsity pattern is [`Unknowns::pattern`].
+    /// Looks up the positions of the entries of all elements in `matrix`, whose sparsity pattern is
+    /// [`Unknowns::pattern`].
     ///
     /// # Errors
     /// Returns the error of the backend.
-    pub fn new(
-        geometry: Vec<Tetrahedron>,
-        mesh: &Mesh,
-        unknowns: &Unknowns,
-        matrix: &B::Matrix,
-    ) -> Result<Self, B::Error> {
+    pub fn new(geometry: Geometry, unknowns: &Unknowns, matrix: &B::Matrix) -> Result<Self, B::Error> {
         let index = |&number: &i32| if number < 0 { B::Index::CONSTRAINED } else { B::Index::of(number as usize) };
         let equation_numbers: Vec<B::Index> = unknowns.equation_numbers().iter().map(index).collect();
-        let rows_of = |nodes: &[u32; NODES]| -> [B::Index; UNKNOWNS] {
-            std::array::from_fn(|k| equation_numbers[3 * nodes[k / 3] as usize + k % 3])
-        };
-        let elements = (0_u32..).zip(mesh.elements());
-        let local_elements: Vec<u32> =
-            elements.filter(|(_, nodes)| matrix.owns_any_row(&rows_of(nodes))).map(|(element, _)| element).collect();
-        let count = local_elements.len() * UNKNOWNS * UNKNOWNS;
-        let mut entry_positions = Vec::with_capacity(count);
-        for &element in &local_elements {
-            let rows = rows_of(&mesh.elements()[element as usize]);
-            matrix.locate(&rows, &rows, &mut entry_positions)?;
-        }
-        debug_assert_eq!(entry_positions.len(), count, "one position per pair of unknowns");
-        let nodes = mesh.elements().to_vec();
-        Ok(Self { geometry, nodes, equation_numbers, local_elements, entry_positions, load_groups: Vec::new() })
+        let locate = |block: &_| with_block!(block, b => locate(b, &equation_numbers, matrix));
+        let local_blocks = geometry.blocks.iter().map(locate).collect::<Result<_, _>>()?;
+        Ok(Self { geometry, local_blocks, equation_numbers, load_groups: Vec::new() })
     }
 
     /// Locates the stiffness of loads in `matrix`, for [`Assembler::load_stiffness`].
@@ -131,8 +109,8 @@ impl<B: RealBackend> Assembler<B> {
         Ok(())
     }
 
-    /// Returns volume and shape-function gradients of each element.
-    pub fn geometry(&self) -> &[Tetrahedron] {
+    /// Returns the volumes and shape-function gradients of all points.
+    pub fn geometry(&self) -> &Geometry {
         &self.geometry
     }
 
@@ -142,27 +120,26 @@ impl<B: RealBackend> Assembler<B> {
         &self.equation_numbers
     }
 
-    /// Computes `F` of each element from the displacements of all nodes, in meters.
+    /// Computes `F` of each point from the displacements of all nodes, in meters.
     ///
     /// # Panics
     /// Panics if `displacements` has fewer nodes than the mesh.
     pub fn deformation_gradients(&self, displacements: &[[f64; 3]], gradients: &mut Vec<Matrix3<f64>>) {
-        let elements = self.geometry.iter().zip(&self.nodes);
         gradients.clear();
-        gradients.extend(elements.map(|(g, nodes)| g.deformation_gradient(&gather(displacements, nodes))));
+        for block in &self.geometry.blocks {
+            with_block!(block, b => b.deformation_gradients(displacements, gradients));
+        }
     }
 
-    /// Computes `f_a = integral P grad N_a dV`, N, for all nodes, including prescribed components; overwrites `forces`.
+    /// Computes `f_a = integral P grad N_a dV`, N, for all nodes, including prescribed components, from `P` of all
+    /// points; overwrites `forces`.
     ///
     /// # Panics
-    /// Panics if `forces` has fewer nodes than the mesh.
+    /// Panics if `forces` has fewer nodes than the mesh, or `pk1` fewer points.
     pub fn internal_forces(&self, pk1: &[Matrix3<f64>], forces: &mut [[f64; 3]]) {
         forces.fill([0.0; 3]);
-        for ((g, nodes), p) in self.geometry.iter().zip(&self.nodes).zip(pk1) {
-            let of_element = local::internal_force(g, p);
-            for (&node, force) in nodes.iter().zip(of_element) {
-                add(&mut forces[node as usize], force);
-            }
+        for block in &self.geometry.blocks {
+            with_block!(block, b => b.add_internal_forces(pk1, forces));
         }
     }
 
@@ -178,18 +155,11 @@ impl<B: RealBackend> Assembler<B> {
     /// nodes, prescribed components included; overwrites `forces`. Skips elements whose nodes do not move.
     ///
     /// # Panics
-    /// Panics if an array has fewer nodes than the mesh.
+    /// Panics if an array has fewer nodes than the mesh, or `tangent` fewer points.
     pub fn linearized_forces(&self, tangent: &[SMatrix<f64, 9, 9>], increments: &[[f64; 3]], forces: &mut [[f64; 3]]) {
         forces.fill([0.0; 3]);
-        for ((g, nodes), a) in self.geometry.iter().zip(&self.nodes).zip(tangent) {
-            let moved = gather(increments, nodes);
-            if moved == [[0.0; 3]; NODES] {
-                continue;
-            }
-            let dp = contract(a, &g.displacement_gradient(&moved));
-            for (&node, force) in nodes.iter().zip(local::internal_force(g, &dp)) {
-                add(&mut forces[node as usize], force);
-            }
+        for block in &self.geometry.blocks {
+            with_block!(block, b => b.add_linearized_forces(tangent, increments, forces));
         }
     }
 
@@ -198,11 +168,12 @@ impl<B: RealBackend> Assembler<B> {
     ///
     /// # Errors
     /// Returns the error of the backend.
+    ///
+    /// # Panics
+    /// Panics if `tangent` has fewer points than the mesh.
     pub fn stiffness(&self, tangent: &[SMatrix<f64, 9, 9>], k: &mut B::Matrix) -> Result<(), B::Error> {
-        let positions = self.entry_positions.chunks_exact(UNKNOWNS * UNKNOWNS);
-        for (&element, positions) in self.local_elements.iter().zip(positions) {
-            let element = element as usize;
-            k.add_at(positions, &local::stiffness(&self.geometry[element], &tangent[element]))?;
+        for (block, local) in self.geometry.blocks.iter().zip(&self.local_blocks) {
+            with_block!(block, b => add_stiffness::<B, _, _>(b, local, tangent, k))?;
         }
         Ok(())
     }
@@ -222,7 +193,8 @@ impl<B: RealBackend> Assembler<B> {
         displacements: &[[f64; 3]],
         k: &mut B::Matrix,
     ) -> Result<(), B::Error> {
-        let mut block = [0.0; UNKNOWNS * UNKNOWNS];
+        let largest = self.load_groups.iter().map(|group| group.entry_positions.len()).max().unwrap_or(0);
+        let mut block = vec![0.0; largest];
         for LoadGroup { load, group, entry_positions } in &self.load_groups {
             let block = &mut block[..entry_positions.len()];
             block.fill(0.0);
@@ -235,38 +207,49 @@ impl<B: RealBackend> Assembler<B> {
     /// Estimates the rounding error of the internal forces, N; a smaller residual is zero up to rounding.
     ///
     /// `F = I + du/dX` is rounded to `eps`, whatever the displacement gradient, and hence the stress to `|A| eps`. The
-    /// force on node `a` of element `e` is then wrong by about `V |A| |grad N_a| eps`; the stiffness of the node is of
-    /// size `V |grad N_a|^2 |A|`. These errors are independent, so their squares add up. With a factor of 8, as at the
-    /// micro scale, the estimate is `8 eps sqrt(sum_e sum_a (V |A| |grad N_a|)^2)` in Frobenius norms.
+    /// contribution of a point to the force on node `a` is then wrong by about `V |A| |grad N_a| eps`; that to the stiffness of
+    /// the node is of size `V |grad N_a|^2 |A|`. These errors are independent, so their squares add up. With a factor of
+    /// 8, as at the micro scale, the estimate is `8 eps sqrt(sum_q sum_a (V |A| |grad N_a|)^2)` in Frobenius norms.
     pub fn rounding_error(&self, tangent: &[SMatrix<f64, 9, 9>]) -> f64 {
-        let squares = self.geometry.iter().zip(tangent).map(|(g, a)| {
-            let gradients: f64 = g.gradients.as_flattened().iter().map(|g| g * g).sum();
-            g.volume * g.volume * a.norm_squared() * gradients
-        });
-        8.0 * f64::EPSILON * squares.sum::<f64>().sqrt()
+        let blocks = self.geometry.blocks.iter();
+        let squares: f64 = blocks.map(|block| with_block!(block, b => b.squared_errors(tangent))).sum();
+        8.0 * f64::EPSILON * squares.sqrt()
     }
 }
 
-/// Computes volume and shape-function gradients of each element.
-///
-/// # Errors
-/// Returns [`GeometryError`] for the first degenerate element.
-pub fn geometry(mesh: &Mesh) -> Result<Vec<Tetrahedron>, GeometryError> {
-    let of_element =
-        |element| Tetrahedron::new(&mesh.corners(element)).map_err(|reason| GeometryError { element, reason });
-    (0..mesh.elements().len()).map(of_element).collect()
-}
-
-#[inline(always)]
-fn gather(values: &[[f64; 3]], nodes: &[u32; NODES]) -> [[f64; 3]; NODES] {
-    nodes.map(|node| values[node as usize])
-}
-
-#[inline(always)]
-fn add(sum: &mut [f64; 3], value: [f64; 3]) {
-    for (sum, value) in sum.iter_mut().zip(value) {
-        *sum += value;
+/// Looks up the positions of the entries of a block in a matrix.
+fn locate<B: RealBackend, const N: usize, const Q: usize>(
+    block: &Block<N, Q>,
+    equation_numbers: &[B::Index],
+    matrix: &B::Matrix,
+) -> Result<LocalBlock<B>, B::Error> {
+    let rows_of = |nodes: &[u32; N]| -> [[B::Index; 3]; N] {
+        nodes.map(|node| std::array::from_fn(|i| equation_numbers[3 * node as usize + i]))
+    };
+    let is_local = |(_, nodes): &(u32, &[u32; N])| matrix.owns_any_row(rows_of(nodes).as_flattened());
+    let elements: Vec<u32> = (0..).zip(&block.nodes).filter(is_local).map(|(element, _)| element).collect();
+    let count = elements.len() * 9 * N * N;
+    let mut entry_positions = Vec::with_capacity(count);
+    for &element in &elements {
+        let rows = rows_of(&block.nodes[element as usize]);
+        matrix.locate(rows.as_flattened(), rows.as_flattened(), &mut entry_positions)?;
     }
+    debug_assert_eq!(entry_positions.len(), count, "one position per pair of unknowns");
+    Ok(LocalBlock { elements, entry_positions })
+}
+
+fn add_stiffness<B: RealBackend, const N: usize, const Q: usize>(
+    block: &Block<N, Q>,
+    local: &LocalBlock<B>,
+    tangent: &[SMatrix<f64, 9, 9>],
+    k: &mut B::Matrix,
+) -> Result<(), B::Error> {
+    let tangent = block.of_points(tangent);
+    for (&element, positions) in local.elements.iter().zip(local.entry_positions.chunks_exact(9 * N * N)) {
+        let element = element as usize;
+        k.add_at(positions, local::entries(&local::stiffness(&block.points[element], &tangent[element])))?;
+    }
+    Ok(())
 }
 
 #[cfg(all(test, feature = "sparse"))]

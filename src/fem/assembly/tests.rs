@@ -3,6 +3,7 @@ use std::sync::Arc;
 use super::*;
 use crate::backends::sparse::Sparse;
 use crate::fem::material::NeoHookean;
+use crate::fem::mesh::Mesh;
 use crate::fem::mesh::shapes;
 use crate::fem::point_field::{FormulaField, PointField, PointResponses};
 
@@ -21,8 +22,8 @@ impl Bent {
         let mesh = shapes::cuboid([2, 2, 2], [1.0, 0.7, 0.5]).unwrap();
         let unknowns = Unknowns::new(mesh.nodes().len(), |node, _| mesh.nodes()[node][0] == 0.0).unwrap();
         let matrix = Sparse::matrix(&(), &Arc::new(unknowns.pattern(&mesh).unwrap())).unwrap();
-        let assembler = Assembler::new(geometry(&mesh).unwrap(), &mesh, &unknowns, &matrix).unwrap();
-        let field = FormulaField::uniform(NeoHookean { mu: 3.0, lambda: 5.0 }, mesh.elements().len());
+        let assembler = Assembler::new(geometry(&mesh).unwrap(), &unknowns, &matrix).unwrap();
+        let field = FormulaField::uniform(NeoHookean { mu: 3.0, lambda: 5.0 }, &mesh);
         let displacements = mesh.nodes().iter().map(|&[x, y, z]| [0.1 * x + 0.2 * y * z, -0.15 * x * x, 0.2 * x * y]);
         Self { displacements: displacements.collect(), unknowns, matrix, assembler, field, mesh }
     }

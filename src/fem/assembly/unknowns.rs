@@ -1,6 +1,5 @@
 //! Numbering of the free displacement components, which are the unknowns of the linear system.
 
-use crate::fem::element::UNKNOWNS;
 use crate::fem::mesh::Mesh;
 use crate::las::{Sparsity, SparsityError};
 
@@ -65,8 +64,8 @@ impl Unknowns {
     /// # Errors
     /// Returns [`SparsityError::TooLarge`] if the pattern exceeds the range of a 32-bit index.
     pub fn pattern(&self, mesh: &Mesh) -> Result<Sparsity, SparsityError> {
-        let of_element = |nodes: &[u32; 4]| -> [i32; UNKNOWNS] {
-            std::array::from_fn(|k| self.equation_numbers[3 * nodes[k / 3] as usize + k % 3])
+        let of_element = |nodes: &[u32]| -> Vec<i32> {
+            nodes.iter().flat_map(|&node| &self.equation_numbers[3 * node as usize..][..3]).copied().collect()
         };
         Sparsity::from_elements(self.free, mesh.elements().iter().map(of_element))
     }

@@ -38,21 +38,22 @@ struct NodalLoad {
 }
 
 impl LoadCondition for Traction {
-    /// Each node of a triangle gets a third of its reference area, the integral of the shape function.
+    /// Each node of a face gets the integral of its shape function over the reference area.
     fn resolve(&self, mesh: &Mesh) -> Result<Box<dyn Load>, BoundaryError> {
         let (number, surface) = find_surface(mesh, &self.surface)?;
         check_finite(|| format!("surface `{}`", self.surface), &self.value)?;
         let mut weights = BTreeMap::new();
-        for &triangle in &surface.triangles {
-            let [x, y, z] = mesh.area_vector(triangle);
-            add_weight(&mut weights, &triangle, (x * x + y * y + z * z).sqrt() / 3.0);
+        for (face_type, nodes) in surface.faces.typed() {
+            face_type.integrate(&mesh.positions_of(nodes), |values, [x, y, z]| {
+                add_weights(&mut weights, nodes, values, (x * x + y * y + z * z).sqrt());
+            });
         }
         Ok(Box::new(NodalLoad::new(Some(number), weights, self.value, &self.curve)))
     }
 }
 
 impl LoadCondition for BodyForce {
-    /// Each node of an element gets a quarter of its volume.
+    /// Each node of an element gets the integral of its shape function.
     fn resolve(&self, mesh: &Mesh) -> Result<Box<dyn Load>, BoundaryError> {
         check_finite(|| format!("the body force on region `{}`", self.region), &self.value)?;
         let region = match self.region.as_str() {
@@ -63,18 +64,21 @@ impl LoadCondition for BodyForce {
             })?),
         };
         let mut weights = BTreeMap::new();
-        for (element, (nodes, &of)) in mesh.elements().iter().zip(mesh.region_of()).enumerate() {
+        for ((element_type, nodes), &of) in mesh.elements().typed().zip(mesh.region_of()) {
             if region.is_none_or(|region| region == of) {
-                add_weight(&mut weights, nodes, mesh.element_volume(element) / 4.0);
+                element_type.integrate(&mesh.positions_of(nodes), |values, volume| {
+                    add_weights(&mut weights, nodes, values, volume);
+                });
             }
         }
         Ok(Box::new(NodalLoad::new(None, weights, self.value, &self.curve)))
     }
 }
 
-fn add_weight(weights: &mut BTreeMap<u32, f64>, nodes: &[u32], weight: f64) {
-    for &node in nodes {
-        *weights.entry(node).or_insert(0.0) += weight;
+/// Adds to the weight of each node the value of its shape function times the area or volume of an integration point.
+fn add_weights(weights: &mut BTreeMap<u32, f64>, nodes: &[u32], values: &[f64], measure: f64) {
+    for (&node, value) in nodes.iter().zip(values) {
+        *weights.entry(node).or_insert(0.0) += value * measure;
     }
 }
 

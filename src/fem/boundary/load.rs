@@ -3,7 +3,7 @@
 use std::fmt::Debug;
 
 use super::BoundaryError;
-use crate::fem::mesh::Mesh;
+use crate::fem::mesh::{Elements, Faces, Mesh};
 use crate::las::Symmetry;
 
 /// A load by name, an entry of [`Conditions::loads`](super::Conditions::loads).
@@ -59,28 +59,28 @@ pub trait Load: Debug + Send + Sync {
 /// The nodes that the stiffness of a load couples.
 ///
 /// The sparsity pattern of the body couples the nodes of each element. A load may only add entries to this pattern, so
-/// a group consists of nodes of one element: a facet, or all nodes of the element. [`Boundary::new`](super::Boundary)
+/// a group consists of nodes of one element: those of a face, or all. [`Boundary::new`](super::Boundary)
 /// rejects other groups. A load that couples more nodes, such as a pressure that depends on the volume of a cavity, is
 /// not supported.
 #[derive(Clone, Copy, Debug)]
 pub enum CoupledNodes<'a> {
     /// The load does not depend on the displacements.
     None,
-    /// Triangles, each a face of an element.
-    Facets(&'a [[u32; 3]]),
+    /// Faces of elements.
+    Faces(&'a Faces),
     /// Elements.
-    Elements(&'a [[u32; 4]]),
+    Elements(&'a Elements),
 }
 
 impl<'a> CoupledNodes<'a> {
     /// Returns the nodes of each group.
     pub fn groups(self) -> impl Iterator<Item = &'a [u32]> {
-        let (facets, elements): (&'a [[u32; 3]], &'a [[u32; 4]]) = match self {
-            Self::None => (&[], &[]),
-            Self::Facets(facets) => (facets, &[]),
-            Self::Elements(elements) => (&[], elements),
+        let (faces, elements) = match self {
+            Self::None => (None, None),
+            Self::Faces(faces) => (Some(faces), None),
+            Self::Elements(elements) => (None, Some(elements)),
         };
-        facets.iter().map(<[u32; 3]>::as_slice).chain(elements.iter().map(<[u32; 4]>::as_slice))
+        faces.into_iter().flatten().chain(elements.into_iter().flatten())
     }
 
     /// Returns true for a load that does not depend on the displacements.

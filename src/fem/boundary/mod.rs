@@ -138,7 +138,7 @@ fn check_coupled_nodes(mesh: &Mesh, coupled: CoupledNodes<'_>) -> Result<(), Bou
     }
     for group in coupled.groups() {
         let elements = group.first().and_then(|&node| elements_of.get(node as usize));
-        let contain = |nodes: &&[u32; 4]| group.iter().all(|node| nodes.contains(node));
+        let contain = |nodes: &&[u32]| group.iter().all(|node| nodes.contains(node));
         if !elements.is_some_and(|elements| elements.iter().any(contain)) {
             return Err(BoundaryError::NotInOneElement(group.to_vec()));
         }

@@ -1,7 +1,7 @@
 use std::sync::Arc;
 
 use super::*;
-use crate::fem::mesh::shapes;
+use crate::fem::mesh::{Faces, shapes};
 
 fn prescribed_at(surface: &str, displacement: [Option<f64>; 3]) -> SurfaceCondition {
     SurfaceCondition { surface: surface.into(), displacement, curve: LoadCurve::Ramp }
@@ -118,7 +118,7 @@ fn names_that_the_mesh_lacks_are_reported() {
 
 /// A load whose stiffness couples three nodes.
 #[derive(Clone, Debug)]
-struct Coupling([[u32; 3]; 1], Symmetry);
+struct Coupling(Faces, Symmetry);
 
 impl LoadCondition for Coupling {
     fn resolve(&self, _: &Mesh) -> Result<Box<dyn Load>, BoundaryError> {
@@ -134,7 +134,7 @@ impl Load for Coupling {
     }
 
     fn coupled_nodes(&self) -> CoupledNodes<'_> {
-        CoupledNodes::Facets(&self.0)
+        CoupledNodes::Faces(&self.0)
     }
 
     fn symmetry(&self) -> Symmetry {
@@ -146,13 +146,13 @@ impl Load for Coupling {
 fn loads_couple_only_nodes_of_one_element_and_weaken_the_symmetry() {
     let mesh = box_2x1x1();
     // Node 0 is at x = 0, node 2 at x = 2, two cells away.
-    let far = Boundary::new(&mesh, &with_load(Coupling([[0, 1, 2]], Symmetry::None))).unwrap_err();
+    let far = Boundary::new(&mesh, &with_load(Coupling(vec![[0, 1, 2]].into(), Symmetry::None))).unwrap_err();
     assert_eq!(far, BoundaryError::NotInOneElement(vec![0, 1, 2]));
-    let none = Boundary::new(&mesh, &with_load(Coupling([[0, 1, 99]], Symmetry::None))).unwrap_err();
+    let none = Boundary::new(&mesh, &with_load(Coupling(vec![[0, 1, 99]].into(), Symmetry::None))).unwrap_err();
     assert_eq!(none, BoundaryError::NotInOneElement(vec![0, 1, 99]));
-    let facet = mesh.surfaces()[0].triangles[0];
+    let facet = Faces::from(vec![<[u32; 3]>::try_from(&mesh.surfaces()[0].faces[0]).unwrap()]);
     for symmetry in [Symmetry::None, Symmetry::Symmetric, Symmetry::Definite] {
-        let boundary = Boundary::new(&mesh, &with_load(Coupling([facet], symmetry))).unwrap();
+        let boundary = Boundary::new(&mesh, &with_load(Coupling(facet.clone(), symmetry))).unwrap();
         assert!(boundary.depends_on_displacements());
         assert_eq!(boundary.symmetry(Symmetry::Definite), symmetry);
         assert_eq!(boundary.symmetry(Symmetry::None), Symmetry::None);

@@ -10,17 +10,26 @@
 //! assert!(material.evaluate(&Matrix3::from_diagonal(&[-1.0, 1.0, 1.0].into())).is_err(), "inverted");
 //! ```
 
+mod guccione;
+mod holmes_mow;
+mod holzapfel_gasser_ogden;
+mod lagrangian;
 mod linear_elastic;
 mod neo_hookean;
 mod saint_venant;
 mod small_strain;
+mod transversely_isotropic;
 
 use nalgebra::{Matrix3, SMatrix};
 use thiserror::Error;
 
+pub use guccione::Guccione;
+pub use holmes_mow::HolmesMow;
+pub use holzapfel_gasser_ogden::HolzapfelGasserOgden;
 pub use linear_elastic::LinearElastic;
 pub use neo_hookean::NeoHookean;
 pub use saint_venant::SaintVenantKirchhoff;
+pub use transversely_isotropic::{TransverseModuli, TransverselyIsotropic};
 
 /// The response of a material at one point.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -92,8 +101,17 @@ mod tests {
     }
 
     fn stress_is_the_slope_of_the_energy(material: &dyn Material) {
+        stress_is_the_slope_at(material, &states());
+    }
+
+    /// At rest, the curvature of the energy of fibers that carry no compression jumps.
+    fn stress_is_the_slope_when_deformed(material: &dyn Material) {
+        stress_is_the_slope_at(material, &states()[1..]);
+    }
+
+    fn stress_is_the_slope_at(material: &dyn Material, states: &[Matrix3<f64>]) {
         let h = 1e-5;
-        for f in states() {
+        for &f in states {
             let pk1 = material.evaluate(&f).unwrap().pk1;
             for k in 0..9 {
                 let slope = (energy(material, &moved(&f, k, h)) - energy(material, &moved(&f, k, -h))) / (2.0 * h);
@@ -104,8 +122,17 @@ mod tests {
     }
 
     fn tangent_is_the_slope_of_the_stress(material: &dyn Material) {
+        tangent_is_the_slope_at(material, &states());
+    }
+
+    /// At rest, the tangent of fibers that carry no compression jumps.
+    fn tangent_is_the_slope_when_deformed(material: &dyn Material) {
+        tangent_is_the_slope_at(material, &states()[1..]);
+    }
+
+    fn tangent_is_the_slope_at(material: &dyn Material, states: &[Matrix3<f64>]) {
         let h = 1e-5;
-        for f in states() {
+        for &f in states {
             let tangent = material.evaluate(&f).unwrap().tangent;
             for c in 0..9 {
                 let up = material.evaluate(&moved(&f, c, h)).unwrap().pk1;
@@ -149,6 +176,16 @@ mod tests {
         }
     }
 
+    fn oblique() -> nalgebra::Vector3<f64> {
+        nalgebra::Vector3::new(0.6, 0.0, 0.8)
+    }
+
+    /// Two families of fibers; some states stretch both, some one of them.
+    fn fibers(dispersion: f64) -> HolzapfelGasserOgden {
+        let axes = vec![oblique(), nalgebra::Vector3::new(0.0, -0.8, 0.6)];
+        HolzapfelGasserOgden { mu: 1.0e3, k1: 5.0e2, k2: 0.5, dispersion, bulk_modulus: 4.0e3, axes }
+    }
+
     macro_rules! checks_of {
         ($($name:ident: $material:expr, [$($check:ident),* $(,)?];)*) => {$(
             mod $name {
@@ -171,6 +208,45 @@ mod tests {
             tangent_is_the_slope_of_the_stress,
             tangent_is_symmetric,
             small_strain_moduli_are_lames,
+        ];
+        holmes_mow: HolmesMow { mu: MU, lambda: LAMBDA, beta: 0.5 }, [
+            stress_is_the_slope_of_the_energy,
+            tangent_is_the_slope_of_the_stress,
+            tangent_is_symmetric,
+            small_strain_moduli_are_lames,
+            energy_is_objective,
+        ];
+        transversely_isotropic: TransverselyIsotropic::new(
+            &TransverseModuli {
+                youngs_modulus: 3.0e3,
+                poisson_ratio: 0.3,
+                axial_youngs_modulus: 5.0e3,
+                axial_shear_modulus: 2.0e3,
+            },
+            [0.3, -0.5, 0.8],
+        ).unwrap(), [
+            stress_is_the_slope_of_the_energy,
+            tangent_is_the_slope_of_the_stress,
+            tangent_is_symmetric,
+            energy_is_objective,
+        ];
+        guccione: Guccione { c: 2.0e2, bf: 2.0, bt: 0.5, bfs: 1.0, bulk_modulus: 3.0e3, axis: oblique() }, [
+            stress_is_the_slope_of_the_energy,
+            tangent_is_the_slope_of_the_stress,
+            tangent_is_symmetric,
+            energy_is_objective,
+        ];
+        holzapfel_gasser_ogden: fibers(0.0), [
+            stress_is_the_slope_when_deformed,
+            tangent_is_the_slope_when_deformed,
+            tangent_is_symmetric,
+            energy_is_objective,
+        ];
+        holzapfel_gasser_ogden_with_dispersion: fibers(0.2), [
+            stress_is_the_slope_when_deformed,
+            tangent_is_the_slope_when_deformed,
+            tangent_is_symmetric,
+            energy_is_objective,
         ];
         saint_venant: SaintVenantKirchhoff::at_rest(
             &NeoHookean { mu: MU, lambda: LAMBDA }.evaluate(&Matrix3::identity()).unwrap().tangent

@@ -47,10 +47,7 @@ pub struct NeoHookean {
 impl NeoHookean {
     /// Evaluates `W` at `H = F - I`.
     fn energy_at(&self, h: &Matrix3<f64>, dilatation: &Dilatation) -> f64 {
-        let strain = (h + h.transpose()) * 0.5;
-        let trace = h.trace();
-        let shear = strain.norm_squared() - 0.5 * trace * trace - h.determinant() + dilatation.beyond_ln;
-        self.mu * shear + 0.5 * self.lambda * dilatation.ln * dilatation.ln
+        self.mu * dilatation.trace_beyond_ln(h) + 0.5 * self.lambda * dilatation.ln * dilatation.ln
     }
 }
 

@@ -2,6 +2,7 @@
 
 use nalgebra::{Matrix3, SMatrix};
 
+use super::lagrangian::Lagrangian;
 use super::small_strain::green_lagrange;
 use super::{Material, MaterialError, Response, checked_determinant};
 
@@ -55,14 +56,6 @@ impl Material for SaintVenantKirchhoff {
         let pk2: Matrix3<f64> = Matrix3::from_fn(|i, j| {
             (0..9).map(|column| self.stiffness[(3 * i + j, column)] * strain[(column / 3, column % 3)]).sum()
         });
-        let mut tangent = SMatrix::<f64, 9, 9>::zeros();
-        for (i, j, k, l) in (0..81).map(|n| (n / 27, n / 9 % 3, n / 3 % 3, n % 3)) {
-            let mut sum = if i == k { pk2[(j, l)] } else { 0.0 };
-            for (m, p) in (0..9).map(|n| (n / 3, n % 3)) {
-                sum += f[(i, m)] * self.stiffness[(3 * m + j, 3 * l + p)] * f[(k, p)];
-            }
-            tangent[(3 * i + j, 3 * k + l)] = sum;
-        }
-        Ok(Response { energy: 0.5 * strain.dot(&pk2), pk1: f * pk2, tangent })
+        Ok(Lagrangian { energy: 0.5 * strain.dot(&pk2), pk2, moduli: self.stiffness }.response(f))
     }
 }

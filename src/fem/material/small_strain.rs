@@ -12,6 +12,8 @@ const TERMS: u32 = 8;
 /// The volume change of a deformation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Dilatation {
+    /// `J - 1`.
+    pub(super) change: f64,
     /// `ln J`.
     pub(super) ln: f64,
     /// `(J - 1) - ln J`, which is of second order in `J - 1` and not negative.
@@ -25,11 +27,19 @@ impl Dilatation {
         let second_invariant = 0.5 * (trace * trace - (h * h).trace());
         let change = trace + second_invariant + h.determinant();
         if change.abs() <= POLYNOMIAL_UP_TO {
-            Self { ln: change.ln_1p(), beyond_ln: minus_ln_1p(change) }
+            Self { change, ln: change.ln_1p(), beyond_ln: minus_ln_1p(change) }
         } else {
             let ln = determinant.ln();
-            Self { ln, beyond_ln: determinant - 1.0 - ln }
+            Self { change: determinant - 1.0, ln, beyond_ln: determinant - 1.0 - ln }
         }
+    }
+
+    /// Computes `tr E - ln J`, of second order, for the `H` of this volume change: with `tr E = tr H + H : H / 2` and
+    /// `J - 1 = tr H + II(H) + det H` it is `e : e - (tr H)^2 / 2 - det H + [(J - 1) - ln J]` with `e = sym(H)`.
+    pub(super) fn trace_beyond_ln(&self, h: &Matrix3<f64>) -> f64 {
+        let strain = (h + h.transpose()) * 0.5;
+        let trace = h.trace();
+        strain.norm_squared() - 0.5 * trace * trace - h.determinant() + self.beyond_ln
     }
 }
 
@@ -44,6 +54,15 @@ fn minus_ln_1p(x: f64) -> f64 {
     s * (x - 2.0 * square * series)
 }
 
+/// Computes `exp(x) - 1 - x`.
+pub(super) fn exp_beyond_linear(x: f64) -> f64 {
+    if x.abs() > SERIES_UP_TO {
+        return x.exp_m1() - x;
+    }
+    // The first omitted term is below 0.1^12 times the sum.
+    (2..14).rev().fold(0.0, |sum, k| (sum + 1.0) * x / f64::from(k)) * x
+}
+
 /// Computes the Green-Lagrange strain `E = (F^T F - I) / 2 = sym(H) + H^T H / 2`.
 pub(super) fn green_lagrange(h: &Matrix3<f64>) -> Matrix3<f64> {
     (h + h.transpose() + h.transpose() * h) * 0.5
@@ -51,7 +70,7 @@ pub(super) fn green_lagrange(h: &Matrix3<f64>) -> Matrix3<f64> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{LinearElastic, Material, NeoHookean, SaintVenantKirchhoff};
+    use super::super::{HolmesMow, LinearElastic, Material, NeoHookean, SaintVenantKirchhoff};
     use super::*;
 
     const MU: f64 = 3.0e3;
@@ -81,6 +100,12 @@ mod tests {
             assert_eq!(minus_ln_1p(x), x - x.ln_1p());
         }
         assert_eq!(minus_ln_1p(0.0), 0.0);
+        for x in [-0.1_f64, -0.09, 0.09, 0.1] {
+            assert_near(exp_beyond_linear(x), x.exp_m1() - x, 2e-14);
+        }
+        for x in sizes() {
+            assert_near(exp_beyond_linear(x), 0.5 * x * x * (1.0 + x / 3.0 + x * x / 12.0 + x.powi(3) / 60.0), 1e-14);
+        }
     }
 
     /// In principal axes `W = mu sum(a + a^2/2 - ln(1 + a)) + lambda/2 (sum ln(1 + a))^2`, and `P` is diagonal.
@@ -119,7 +144,8 @@ mod tests {
     fn every_material_is_hookes_at_small_strains() {
         let linear = LinearElastic { mu: MU, lambda: LAMBDA };
         let saint_venant = SaintVenantKirchhoff::at_rest(&linear.evaluate(&Matrix3::identity()).unwrap().tangent);
-        let materials: [&dyn Material; 3] = [&NEO_HOOKEAN, &linear, &saint_venant];
+        let holmes_mow = HolmesMow { mu: MU, lambda: LAMBDA, beta: 0.5 };
+        let materials: [&dyn Material; 4] = [&NEO_HOOKEAN, &linear, &saint_venant, &holmes_mow];
         for (material, s) in materials.iter().flat_map(|material| sizes().map(move |s| (material, s))) {
             let h = Matrix3::new(0.75, 0.5, -0.25, 0.125, -0.5, 0.25, -0.5, 0.25, 0.375) * s;
             let e = (h + h.transpose()) * 0.5;

@@ -5,10 +5,10 @@ use std::collections::HashSet;
 use thiserror::Error;
 
 use super::Mesh;
-use super::measure::{longest_edge, signed_volume};
+use super::measure::longest_edge;
 
-/// A tetrahedron is flat if its volume is at most this factor times the cube of its longest edge: such a volume can be
-/// due to rounding of the coordinates alone.
+/// An element is flat if its volume is at most this factor times the cube of its longest edge: such a volume can be due
+/// to rounding of the coordinates alone. The same holds for the volume of each integration point in proportion.
 pub(super) const FLAT: f64 = 1e-12;
 
 /// A violation of the invariants of [`Mesh`]. Indices count from 0.
@@ -64,6 +64,16 @@ pub enum MeshError {
         /// Signed volume of the element, m^3.
         volume: f64,
     },
+    /// An element of positive volume is so distorted that it is inverted at an integration point.
+    #[error("element {element} is distorted: the volume of its integration point {point} is {volume:e}")]
+    Distorted {
+        /// Index of the element.
+        element: usize,
+        /// The integration point within the element.
+        point: usize,
+        /// Signed volume of the point, m^3.
+        volume: f64,
+    },
     /// Two elements share a face and lie on the same side of it.
     #[error("elements {first} and {second} overlap: they lie on the same side of the face {face:?}")]
     Overlap {
@@ -71,8 +81,18 @@ pub enum MeshError {
         first: usize,
         /// The second element.
         second: usize,
-        /// The nodes of the shared face.
-        face: [u32; 3],
+        /// The corners of the shared face.
+        face: Vec<u32>,
+    },
+    /// Two elements share the corners of a face, but not the nodes between the corners.
+    #[error("elements {first} and {second} have different nodes on the face {face:?} they share")]
+    Nonconforming {
+        /// The first element.
+        first: usize,
+        /// The second element.
+        second: usize,
+        /// The corners of the shared face.
+        face: Vec<u32>,
     },
     /// Some nodes belong to no element.
     #[error("{count} nodes belong to no element, the first of them node {first}")]
@@ -103,8 +123,8 @@ pub enum MeshError {
     /// The region of this name has no elements.
     #[error("region `{0}` has no elements")]
     EmptyRegion(String),
-    /// The surface of this name has no triangles.
-    #[error("surface `{0}` has no triangles")]
+    /// The surface of this name has no faces.
+    #[error("surface `{0}` has no faces")]
     EmptySurface(String),
     /// This name cannot be written to mesh files.
     #[error("the name `{}` is empty or contains a quote or a control character", .0.escape_debug())]
@@ -112,25 +132,31 @@ pub enum MeshError {
     /// Two regions or two surfaces have this name.
     #[error("the name `{0}` is given to two regions or to two surfaces")]
     DuplicateName(String),
-    /// A triangle of a surface is not a face of any element.
-    #[error("triangle {triangle} of surface `{surface}`, nodes {nodes:?}, is not a face of any element")]
+    /// A face of a surface is not a face of any element.
+    #[error("face {face} of surface `{surface}`, nodes {nodes:?}, is not a face of any element")]
     NotAFace {
         /// Name of the surface.
         surface: String,
-        /// Index of the triangle in the surface.
-        triangle: usize,
-        /// Nodes of the triangle.
-        nodes: [u32; 3],
+        /// Index of the face in the surface.
+        face: usize,
+        /// Nodes of the face.
+        nodes: Vec<u32>,
     },
-    /// A surface contains a triangle twice.
-    #[error("triangles {first} and {second} of surface `{surface}` are the same")]
-    DuplicateTriangle {
+    /// A surface contains a face twice.
+    #[error("faces {first} and {second} of surface `{surface}` are the same")]
+    DuplicateFace {
         /// Name of the surface.
         surface: String,
-        /// Index of the first triangle.
+        /// Index of the first face.
         first: usize,
-        /// Index of the second triangle.
+        /// Index of the second face.
         second: usize,
+    },
+    /// There is no quadratic type for a wedge.
+    #[error("element {element} is a wedge, which has no quadratic type here")]
+    NoQuadraticType {
+        /// Index of the first wedge.
+        element: usize,
     },
     /// The mesh cannot be scaled by this factor, which is not positive or not finite.
     #[error("the scale factor is {0}: it must be positive and finite")]
@@ -161,7 +187,8 @@ pub(super) fn nodes(mesh: &Mesh) -> Result<(), MeshError> {
     }
 }
 
-/// Checks that each element has four different existing nodes and a positive volume, and that all nodes are used.
+/// Checks that the nodes of each element exist and differ, that its volume is positive at every integration point, and
+/// that all nodes are used.
 pub(super) fn elements(mesh: &Mesh) -> Result<(), MeshError> {
     let count = mesh.nodes.len();
     let mut used = vec![false; count];
@@ -175,20 +202,37 @@ pub(super) fn elements(mesh: &Mesh) -> Result<(), MeshError> {
                 return Err(MeshError::RepeatedNode { element, node });
             }
         }
-        let corners = mesh.corners(element);
-        let (volume, longest_edge) = (signed_volume(corners), longest_edge(corners));
-        let thickness = volume / longest_edge.powi(3);
-        if !thickness.is_finite() || thickness.abs() <= FLAT {
-            return Err(MeshError::Flat { element, volume, longest_edge });
-        }
-        if volume < 0.0 {
-            return Err(MeshError::Inverted { element, volume });
-        }
+        volume(mesh, element)?;
     }
     match used.iter().position(|used| !used) {
         Some(first) => Err(MeshError::UnusedNodes { count: used.iter().filter(|used| !**used).count(), first }),
         None => Ok(()),
     }
+}
+
+/// Checks that the volume of an element is positive, as a whole and at every integration point.
+fn volume(mesh: &Mesh, element: usize) -> Result<(), MeshError> {
+    let (element_type, nodes) = (mesh.elements.cell_type(element), mesh.positions(element));
+    let longest_edge = longest_edge(&nodes, element_type.edges());
+    let (mut volume, mut smallest, mut points) = (0.0, (f64::INFINITY, 0), 0);
+    element_type.integrate(&nodes, |_, part| {
+        volume += part;
+        if part < smallest.0 {
+            smallest = (part, points);
+        }
+        points += 1;
+    });
+    let relative = |volume: f64| volume / longest_edge.powi(3);
+    if !relative(volume).is_finite() || relative(volume).abs() <= FLAT {
+        return Err(MeshError::Flat { element, volume, longest_edge });
+    }
+    if volume < 0.0 {
+        return Err(MeshError::Inverted { element, volume });
+    }
+    if points > 1 && relative(smallest.0) * points as f64 <= FLAT {
+        return Err(MeshError::Distorted { element, point: smallest.1, volume: smallest.0 });
+    }
+    Ok(())
 }
 
 /// Checks that the region of each element exists and that each region has an element.
@@ -206,11 +250,11 @@ pub(super) fn regions(mesh: &Mesh) -> Result<(), MeshError> {
     }
 }
 
-/// Checks that names are valid and unique and that each surface has triangles.
+/// Checks that names are valid and unique and that each surface has faces.
 pub(super) fn names(mesh: &Mesh) -> Result<(), MeshError> {
     distinct(mesh.regions.iter().map(String::as_str))?;
     distinct(mesh.surface_names())?;
-    match mesh.surfaces.iter().find(|surface| surface.triangles.is_empty()) {
+    match mesh.surfaces.iter().find(|surface| surface.faces.is_empty()) {
         Some(surface) => Err(MeshError::EmptySurface(surface.name.clone())),
         None => Ok(()),
     }

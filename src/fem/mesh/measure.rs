@@ -1,6 +1,7 @@
 //! Lengths, areas, volumes and angles of a mesh.
 
 use super::{Mesh, MeshError, Surface, check};
+use crate::fem::element::{CellType, ElementType, FaceType};
 
 pub(super) fn difference(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
@@ -14,42 +15,71 @@ pub(super) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// Returns the signed volume of a tetrahedron, `det[x1 - x0, x2 - x0, x3 - x0] / 6`.
-pub(super) fn signed_volume(x: [[f64; 3]; 4]) -> f64 {
-    dot(difference(x[1], x[0]), cross(difference(x[2], x[0]), difference(x[3], x[0]))) / 6.0
+/// Returns the signed volume of an element.
+pub(super) fn signed_volume(element_type: ElementType, nodes: &[[f64; 3]]) -> f64 {
+    let mut volume = 0.0;
+    element_type.integrate(nodes, |_, part| volume += part);
+    volume
 }
 
-/// Returns the length of the longest of the six edges.
-pub(in crate::fem) fn longest_edge(x: [[f64; 3]; 4]) -> f64 {
-    let mut longest: f64 = 0.0;
-    for (a, &start) in x.iter().enumerate() {
-        for &end in &x[a + 1..] {
-            let edge = difference(end, start);
-            longest = longest.max(dot(edge, edge));
+/// Returns the length of the longest edge; `edges` are pairs of nodes.
+pub(in crate::fem) fn longest_edge(nodes: &[[f64; 3]], edges: &[[usize; 2]]) -> f64 {
+    let length = |&[a, b]: &[usize; 2]| {
+        let edge = difference(nodes[b], nodes[a]);
+        dot(edge, edge)
+    };
+    edges.iter().map(length).fold(0.0, f64::max).sqrt()
+}
+
+/// Returns the angle, in degrees, between the two faces at each edge of an element. A face that is not plane counts as
+/// one with its mean normal.
+fn dihedral_angles(element_type: ElementType, x: &[[f64; 3]]) -> impl Iterator<Item = f64> {
+    let normal = |corners: &[usize]| {
+        let mut sum = [0.0; 3];
+        for pair in corners[1..].windows(2) {
+            let part = cross(difference(x[pair[0]], x[corners[0]]), difference(x[pair[1]], x[corners[0]]));
+            sum.iter_mut().zip(part).for_each(|(sum, part)| *sum += part);
         }
-    }
-    longest.sqrt()
-}
-
-/// Returns the six angles, in degrees, between the faces of a tetrahedron of positive volume.
-fn dihedral_angles(x: [[f64; 3]; 4]) -> [f64; 6] {
-    let normal = |a: usize, b: usize, c: usize| cross(difference(x[b], x[a]), difference(x[c], x[a]));
-    // Outward normals; face k is opposite to node k.
-    let normals = [normal(1, 2, 3), normal(0, 3, 2), normal(0, 1, 3), normal(0, 2, 1)];
-    [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)].map(|(a, b)| {
-        let (n, m) = (normals[a], normals[b]);
+        sum
+    };
+    let faces = element_type.face_corners();
+    let normals: Vec<[f64; 3]> = faces.iter().map(|corners| normal(corners)).collect();
+    element_type.edges().iter().filter_map(move |edge| {
+        let mut at_edge = (0..faces.len()).filter(|&face| edge.iter().all(|corner| faces[face].contains(corner)));
+        let (n, m) = (normals[at_edge.next()?], normals[at_edge.next()?]);
         let sine = dot(cross(n, m), cross(n, m)).sqrt();
-        sine.atan2(-dot(n, m)).to_degrees()
+        Some(sine.atan2(-dot(n, m)).to_degrees())
     })
 }
 
 impl Mesh {
-    /// Returns the positions of the four nodes of an element.
+    /// Returns the positions of the nodes of an element, m.
     ///
     /// # Panics
     /// Panics if the element does not exist.
-    pub fn corners(&self, element: usize) -> [[f64; 3]; 4] {
-        self.elements[element].map(|node| self.nodes[node as usize])
+    pub fn positions(&self, element: usize) -> Vec<[f64; 3]> {
+        self.positions_of(&self.elements[element])
+    }
+
+    /// Returns the positions of nodes, m.
+    ///
+    /// # Panics
+    /// Panics if a node does not exist.
+    pub fn positions_of(&self, nodes: &[u32]) -> Vec<[f64; 3]> {
+        nodes.iter().map(|&node| self.nodes[node as usize]).collect()
+    }
+
+    /// Returns the mean position of the corners of an element, m.
+    ///
+    /// # Panics
+    /// Panics if the element does not exist.
+    pub fn center(&self, element: usize) -> [f64; 3] {
+        let corners = self.elements.cell_type(element).corners();
+        let mut center = [0.0; 3];
+        for &node in &self.elements[element][..corners] {
+            center.iter_mut().zip(self.nodes[node as usize]).for_each(|(c, x)| *c += x / corners as f64);
+        }
+        center
     }
 
     /// Returns the volume of an element, m^3, which is positive.
@@ -57,7 +87,16 @@ impl Mesh {
     /// # Panics
     /// Panics if the element does not exist.
     pub fn element_volume(&self, element: usize) -> f64 {
-        signed_volume(self.corners(element))
+        signed_volume(self.elements.cell_type(element), &self.positions(element))
+    }
+
+    /// Returns the volume of each integration point, m^3; those of an element sum to its volume.
+    pub fn point_volumes(&self) -> Vec<f64> {
+        let mut volumes = Vec::with_capacity(self.points.len());
+        for (element_type, nodes) in self.elements.typed() {
+            element_type.integrate(&self.positions_of(nodes), |_, part| volumes.push(part));
+        }
+        volumes
     }
 
     /// Returns the volume of the body, m^3.
@@ -74,13 +113,16 @@ impl Mesh {
         volumes
     }
 
-    /// Returns the normal of a triangle; its length is the area of the triangle, m^2.
+    /// Returns the integral of the unit normal over a face, m^2; for a plane face, its length is the area.
     ///
     /// # Panics
-    /// Panics if a node of the triangle does not exist.
-    pub fn area_vector(&self, triangle: [u32; 3]) -> [f64; 3] {
-        let [a, b, c] = triangle.map(|node| self.nodes[node as usize]);
-        cross(difference(b, a), difference(c, a)).map(|component| 0.5 * component)
+    /// Panics if a node of the face does not exist.
+    pub fn area_vector(&self, face_type: FaceType, nodes: &[u32]) -> [f64; 3] {
+        let mut sum = [0.0; 3];
+        face_type.integrate(&self.positions_of(nodes), |_, area| {
+            sum.iter_mut().zip(area).for_each(|(sum, area)| *sum += area);
+        });
+        sum
     }
 
     /// Returns the area of a surface of this mesh, m^2.
@@ -88,11 +130,11 @@ impl Mesh {
     /// # Panics
     /// Panics if a node of the surface does not exist.
     pub fn surface_area(&self, surface: &Surface) -> f64 {
-        let area = |&triangle: &[u32; 3]| {
-            let normal = self.area_vector(triangle);
-            dot(normal, normal).sqrt()
-        };
-        surface.triangles.iter().map(area).sum()
+        let mut sum = 0.0;
+        for (face_type, nodes) in surface.faces.typed() {
+            face_type.integrate(&self.positions_of(nodes), |_, area| sum += dot(area, area).sqrt());
+        }
+        sum
     }
 
     /// Returns the lowest and the highest coordinates, m.
@@ -118,7 +160,9 @@ impl Mesh {
     /// Returns the smallest and the largest angle between two faces of an element, in degrees: 70.5 and 70.5 for
     /// regular tetrahedra, 0 and 180 for flat ones.
     pub fn dihedral_range(&self) -> [f64; 2] {
-        let angles = (0..self.elements.len()).flat_map(|element| dihedral_angles(self.corners(element)));
+        let angles = self.elements.typed().flat_map(|(element_type, nodes)| {
+            dihedral_angles(element_type, &self.positions_of(nodes)).collect::<Vec<_>>()
+        });
         angles.fold([180.0, 0.0], |[low, high], angle| [angle.min(low), angle.max(high)])
     }
 

@@ -1,8 +1,10 @@
-//! Meshes of linear tetrahedra with named regions and surfaces.
+//! Meshes with named regions and surfaces.
 //!
 //! | module | contains |
 //! |---|---|
 //! | this one | [`Mesh`] with its invariants and queries |
+//! | `cells`, `points` | [`Elements`] and [`Faces`] in blocks of one type; the numbering of the integration points |
+//! | `quadratic` | quadratic elements from linear ones |
 //! | [`gmsh`] | reading and writing of Gmsh `.msh` files, versions 2.2 and 4.1 |
 //! | [`shapes`] | the built-in box and dogbone |
 //!
@@ -15,48 +17,56 @@
 //! assert!((mesh.surface_area(end) - 1.0).abs() < 1e-14 && (mesh.volume() - 2.0).abs() < 1e-14);
 //! ```
 
+mod cells;
 mod check;
 mod faces;
 pub mod gmsh;
 mod measure;
+mod points;
+mod quadratic;
 pub mod shapes;
 
+pub use cells::{Block, Cells, Elements, Faces};
 pub use check::MeshError;
 pub(super) use measure::longest_edge;
+pub use points::{IntegrationPoint, PointNumbering};
+pub use quadratic::QuadraticHexahedron;
 
-/// A tetrahedral mesh: node positions in meters, elements with their regions, named surfaces.
+/// A mesh: node positions in meters, elements with their regions, named surfaces.
 ///
 /// # Invariants
 /// [`Mesh::new`] checks and every other constructor preserves these invariants:
 /// - There is at least one element; all indices are in range and all coordinates are finite.
-/// - An element has four different nodes and a positive volume. No two elements lie on the same side of a shared face.
+/// - The nodes of an element differ, and its volume is positive at every integration point. No two elements lie on the
+///   same side of a shared face, and both have the same nodes on it.
 /// - Every node belongs to an element (a free node would make the stiffness singular).
-/// - Every element has a region, every region an element, every surface a triangle. Names are unique among the regions
-///   and among the surfaces, not empty, and free of quotes and control characters.
-/// - The triangles of a surface are faces of elements, without duplicates. Their normals point outward; a triangle
-///   between two elements keeps its given orientation.
+/// - Every element has a region, every region an element, every surface a face. Names are unique among the regions and
+///   among the surfaces, not empty, and free of quotes and control characters.
+/// - The faces of a surface are faces of elements, without duplicates. Their normals point outward; a face between two
+///   elements keeps its given orientation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mesh {
     nodes: Vec<[f64; 3]>,
-    elements: Vec<[u32; 4]>,
+    elements: Elements,
+    points: PointNumbering,
     region_of: Vec<u32>,
     regions: Vec<String>,
     surfaces: Vec<Surface>,
 }
 
-/// A named set of triangles on the boundary or between elements.
+/// A named set of faces on the boundary or between elements.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Surface {
     /// Name of the surface (physical group).
     pub name: String,
-    /// The nodes of each triangle, on the boundary ordered so that the normal points out of the body.
-    pub triangles: Vec<[u32; 3]>,
+    /// The nodes of each face, on the boundary ordered so that the normal points out of the body.
+    pub faces: Faces,
 }
 
 impl Surface {
     /// Returns the nodes of the surface, without duplicates, ascending.
     pub fn nodes(&self) -> Vec<u32> {
-        let mut nodes: Vec<u32> = self.triangles.iter().flatten().copied().collect();
+        let mut nodes: Vec<u32> = self.faces.iter().flatten().copied().collect();
         nodes.sort_unstable();
         nodes.dedup();
         nodes
@@ -64,28 +74,30 @@ impl Surface {
 }
 
 impl Mesh {
-    /// Creates a mesh from its parts and checks it; triangles on the boundary of the body whose normals point inward
-    /// are reversed.
+    /// Creates a mesh from its parts and checks it; faces on the boundary of the body whose normals point inward are
+    /// reversed.
     ///
-    /// `nodes` are positions in meters, `elements` have four nodes each with `det[x1 - x0, x2 - x0, x3 - x0] > 0`, and
-    /// `region_of` has one index into `regions` per element.
+    /// `nodes` are positions in meters, `elements` have their nodes in the order of the reference elements (for linear
+    /// tetrahedra, `det[x1 - x0, x2 - x0, x3 - x0] > 0`), and `region_of` has one index into `regions` per element.
     ///
     /// # Errors
     /// Returns a [`MeshError`] for the first violated invariant.
     pub fn new(
         nodes: Vec<[f64; 3]>,
-        elements: Vec<[u32; 4]>,
+        elements: impl Into<Elements>,
         region_of: Vec<u32>,
         regions: Vec<String>,
         surfaces: Vec<Surface>,
     ) -> Result<Self, MeshError> {
-        let mut mesh = Self { nodes, elements, region_of, regions, surfaces };
+        let elements = elements.into();
+        let points = PointNumbering::new(&elements);
+        let mut mesh = Self { nodes, elements, points, region_of, regions, surfaces };
         check::sizes(&mesh)?;
         check::nodes(&mesh)?;
         check::elements(&mesh)?;
         check::regions(&mesh)?;
         check::names(&mesh)?;
-        let faces = faces::Faces::of(&mesh.elements)?;
+        let faces = faces::ElementFaces::of(&mesh.elements)?;
         faces.orient(&mut mesh.surfaces)?;
         Ok(mesh)
     }
@@ -94,12 +106,13 @@ impl Mesh {
     /// with [`Mesh::new`]). Only the invariants that depend on the dimensions are checked.
     fn from_shape(
         nodes: Vec<[f64; 3]>,
-        (elements, region_of): (Vec<[u32; 4]>, Vec<u32>),
+        (elements, region_of): (Elements, Vec<u32>),
         regions: &[&str],
         surfaces: Vec<Surface>,
     ) -> Result<Self, MeshError> {
         let regions = regions.iter().map(|&name| name.to_owned()).collect();
-        let mesh = Self { nodes, elements, region_of, regions, surfaces };
+        let points = PointNumbering::new(&elements);
+        let mesh = Self { nodes, elements, points, region_of, regions, surfaces };
         check::nodes(&mesh)?;
         check::elements(&mesh)?;
         Ok(mesh)
@@ -110,9 +123,14 @@ impl Mesh {
         &self.nodes
     }
 
-    /// Returns the four nodes of each element; volumes are positive.
-    pub fn elements(&self) -> &[[u32; 4]] {
+    /// Returns type and nodes of each element; volumes are positive.
+    pub fn elements(&self) -> &Elements {
         &self.elements
+    }
+
+    /// Returns the numbering of the integration points.
+    pub fn points(&self) -> &PointNumbering {
+        &self.points
     }
 
     /// Returns the index into [`Mesh::regions`] of each element.

@@ -1,34 +1,45 @@
 //! Tests of the mesh itself.
 
-use super::faces::ascending;
-use super::shapes::cuboid;
-use super::{Mesh, MeshError, Surface};
+use super::faces::key;
+use super::shapes::{self, cuboid};
+use super::{Faces, Mesh, MeshError, Surface};
+use crate::fem::element::{ElementType, FaceType};
+
+/// The arguments of [`Mesh::new`].
+#[derive(Clone)]
+struct Parts {
+    nodes: Vec<[f64; 3]>,
+    elements: Vec<[u32; 4]>,
+    region_of: Vec<u32>,
+    regions: Vec<String>,
+    surfaces: Vec<Surface>,
+}
 
 /// Two tetrahedra, one above and one below a common face, in two regions.
-fn valid() -> Mesh {
-    Mesh {
+fn valid() -> Parts {
+    Parts {
         nodes: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, -2.0]],
         elements: vec![[0, 1, 2, 3], [0, 2, 1, 4]],
         region_of: vec![1, 0],
         regions: vec!["low".into(), "high".into()],
-        surfaces: vec![Surface { name: "side".into(), triangles: vec![[0, 1, 3], [0, 1, 4]] }],
+        surfaces: vec![Surface { name: "side".into(), faces: vec![[0, 1, 3], [0, 1, 4]].into() }],
     }
 }
 
 /// Checks the parts of a mesh again.
-fn rebuilt(mesh: Mesh) -> Result<Mesh, MeshError> {
+fn rebuilt(mesh: Parts) -> Result<Mesh, MeshError> {
     Mesh::new(mesh.nodes, mesh.elements, mesh.region_of, mesh.regions, mesh.surfaces)
 }
 
 /// Returns the error of the valid mesh after a change.
-fn error_after(change: impl FnOnce(&mut Mesh)) -> MeshError {
+fn error_after(change: impl FnOnce(&mut Parts)) -> MeshError {
     let mut mesh = valid();
     change(&mut mesh);
     rebuilt(mesh).unwrap_err()
 }
 
 fn surface(name: &str, triangles: &[[u32; 3]]) -> Surface {
-    Surface { name: name.into(), triangles: triangles.into() }
+    Surface { name: name.into(), faces: triangles.to_vec().into() }
 }
 
 #[test]
@@ -56,19 +67,45 @@ fn every_invariant_is_checked() {
     assert_eq!(error_after(|p| p.surfaces.push(surface("side", &[[0, 1, 3]]))), MeshError::DuplicateName(name("side")));
     for nodes in [[1, 3, 4], [0, 1, 7], [0, 0, 1]] {
         assert_eq!(
-            error_after(|p| p.surfaces[0].triangles.push(nodes)),
-            MeshError::NotAFace { surface: name("side"), triangle: 2, nodes }
+            error_after(|p| p.surfaces[0].faces.push(FaceType::Tri3, &nodes)),
+            MeshError::NotAFace { surface: name("side"), face: 2, nodes: nodes.to_vec() }
         );
     }
     assert_eq!(
-        error_after(|p| p.surfaces[0].triangles.push([4, 1, 0])),
-        MeshError::DuplicateTriangle { surface: name("side"), first: 1, second: 2 }
+        error_after(|p| p.surfaces[0].faces.push(FaceType::Tri3, &[4, 1, 0])),
+        MeshError::DuplicateFace { surface: name("side"), first: 1, second: 2 }
     );
 }
 
 #[test]
+fn distorted_and_nonconforming_elements_are_errors() {
+    // A hexahedron with one corner pushed in: its volume is positive, but not at every integration point.
+    let mut parts = shapes::cuboid_of(ElementType::Hex8, [1, 1, 1], [1.0; 3]).unwrap();
+    parts.nodes[7] = [0.1, 0.1, 0.1];
+    let error = Mesh::new(parts.nodes, parts.elements, vec![0], parts.regions, vec![]).unwrap_err();
+    assert!(matches!(error, MeshError::Distorted { element: 0, .. }), "{error}");
+    // Two tetrahedra of order 2 that do not share the node on an edge of their common face.
+    let two = |p: Parts| Mesh::new(p.nodes, p.elements, p.region_of, p.regions, vec![]).unwrap();
+    let mut parts = two(valid()).quadratic(Default::default()).unwrap();
+    let shared = parts.elements[0][4];
+    assert!(parts.elements[1].contains(&shared));
+    parts.nodes.push(parts.nodes[shared as usize]);
+    let (copy, local) = (parts.nodes.len() as u32 - 1, parts.elements[1].iter().position(|&n| n == shared).unwrap());
+    parts.elements[1][local] = copy;
+    let error = Mesh::new(parts.nodes, parts.elements, parts.region_of, parts.regions, vec![]).unwrap_err();
+    assert_eq!(error, MeshError::Nonconforming { first: 0, second: 1, face: vec![0, 1, 2] });
+    // A linear face on a quadratic element.
+    let mut parts = two(valid()).quadratic(Default::default()).unwrap();
+    parts.surfaces = vec![surface("side", &[[0, 1, 3]])];
+    let error = Mesh::new(parts.nodes, parts.elements, parts.region_of, parts.regions, parts.surfaces).unwrap_err();
+    assert_eq!(error, MeshError::NotAFace { surface: "side".into(), face: 0, nodes: vec![0, 1, 3] });
+    let wedges = shapes::cuboid_of(ElementType::Wedge6, [1, 1, 1], [1.0; 3]).unwrap();
+    assert_eq!(wedges.quadratic(Default::default()), Err(MeshError::NoQuadraticType { element: 0 }));
+}
+
+#[test]
 fn overlapping_elements_are_errors() {
-    let overlap = |first, second| MeshError::Overlap { first, second, face: [0, 1, 2] };
+    let overlap = |first, second| MeshError::Overlap { first, second, face: vec![0, 1, 2] };
     // An element folded over, a duplicate element, and a third element at a face.
     assert_eq!(error_after(|p| (p.nodes[4], p.elements[1]) = ([0.1, 0.1, 0.5], [0, 1, 2, 4])), overlap(0, 1));
     let twice =
@@ -90,14 +127,15 @@ fn boundary_triangles_are_oriented_outward_and_inner_triangles_keep_their_orient
     parts.surfaces.push(surface("up", &[[0, 1, 2]]));
     parts.surfaces.push(surface("down", &[[0, 2, 1]]));
     let mesh = rebuilt(parts).unwrap();
-    let side: Vec<_> = mesh.surfaces()[..3].iter().map(|surface| mesh.area_vector(surface.triangles[0])).collect();
+    let side: Vec<_> =
+        mesh.surfaces()[..3].iter().map(|surface| mesh.area_vector(FaceType::Tri3, &surface.faces[0])).collect();
     assert_eq!(side, [[0.0, -0.5, 0.0]; 3]);
-    assert_eq!(mesh.surface("up").unwrap().triangles, [[0, 1, 2]]);
-    assert_eq!(mesh.surface("down").unwrap().triangles, [[0, 2, 1]]);
+    assert_eq!(mesh.surface("up").unwrap().faces, Faces::from(vec![[0, 1, 2]]));
+    assert_eq!(mesh.surface("down").unwrap().faces, Faces::from(vec![[0, 2, 1]]));
 }
 
 #[test]
-fn permutations_of_a_triangle() {
+fn the_key_of_a_face_does_not_depend_on_its_first_corner_and_its_side() {
     for (nodes, even) in [
         ([1, 2, 3], true),
         ([2, 3, 1], true),
@@ -106,7 +144,12 @@ fn permutations_of_a_triangle() {
         ([1, 3, 2], false),
         ([3, 2, 1], false),
     ] {
-        assert_eq!(ascending(nodes), ([1, 2, 3], even));
+        assert_eq!(key(&nodes), ([1, 2, 3, u32::MAX], even));
+    }
+    for start in 0..4 {
+        let corner = |k: usize| [7, 2, 9, 5][k % 4];
+        let (forward, backward) = ([0, 1, 2, 3].map(|k| corner(start + k)), [4, 3, 2, 1].map(|k| corner(start + k)));
+        assert_eq!((key(&forward), key(&backward)), (([2, 7, 5, 9], false), ([2, 7, 5, 9], true)));
     }
 }
 
@@ -121,7 +164,7 @@ fn queries_of_a_mesh() {
     assert_eq!(mesh.surface("none"), None);
     assert_eq!(mesh.region_volumes(), [1.0 / 3.0, 1.0 / 6.0]);
     assert_eq!(mesh.volume(), 0.5);
-    assert_eq!(mesh.surface_area(&mesh.surfaces()[0]), 1.5);
+    assert!((mesh.surface_area(&mesh.surfaces()[0]) - 1.5).abs() < 1e-15);
     assert_eq!(mesh.bounding_box(), [[0.0, 0.0, -2.0], [1.0, 1.0, 1.0]]);
     assert_eq!(mesh.nearest_node([0.0, 0.75, 0.0]), (2, 0.25));
     // Of two nodes at the same distance, the first is returned.

@@ -59,8 +59,8 @@ fn every_part_must_be_constrained() {
     let count = one.nodes().len() as u32;
     let mut nodes = one.nodes().to_vec();
     nodes.extend(one.nodes().iter().map(|&[x, y, z]| [x + 5.0, y, z]));
-    let mut elements = one.elements().to_vec();
-    elements.extend(one.elements().iter().map(|nodes| nodes.map(|node| node + count)));
+    let mut elements = one.elements().clone();
+    elements.extend(&one.elements().map(|node| node + count));
     let region_of = (0..elements.len()).map(|element| (element / one.elements().len()) as u32).collect();
     let mesh = Mesh::new(nodes, elements, region_of, vec!["left".into(), "right".into()], vec![]).unwrap();
     let said = said_of(&mesh, |x| if x[0] == 0.0 { ALL } else { [x[0] == 5.0, x[0] == 5.0, false] });
@@ -116,7 +116,7 @@ fn the_result_does_not_depend_on_size_and_position() {
     for (scale, shift) in [(1e-6, 0.0), (1e6, 0.0), (1e-3, 10.0), (1.0, 1e4)] {
         let one = shapes::cuboid([3, 3, 3], [1.0, 1.0, 1.0]).unwrap();
         let nodes = one.nodes().iter().map(|x| x.map(|x| scale * x + shift)).collect();
-        let elements = one.elements().to_vec();
+        let elements = one.elements().clone();
         let regions = vec![0; elements.len()];
         let mesh = Mesh::new(nodes, elements, regions, vec!["body".into()], vec![]).unwrap();
         let at = |x: f64, place: f64| (x - (scale * place + shift)).abs() < 1e-3 * scale;

@@ -29,7 +29,7 @@
 //!     curve: LoadCurve::Ramp,
 //! };
 //! let conditions = Conditions { surfaces: vec![clamp("x0", 0.0), clamp("x1", 0.1)], ..Conditions::default() };
-//! let field = FormulaField::uniform(NeoHookean { mu: 1.0e3, lambda: 2.0e3 }, mesh.elements().len());
+//! let field = FormulaField::uniform(NeoHookean { mu: 1.0e3, lambda: 2.0e3 }, &mesh);
 //! let params = StepParams { count: 2, ..StepParams::default() };
 //! let mut stepper = Stepper::<Sparse, _>::new(&(), mesh, &conditions, field, params).unwrap();
 //! let reports = stepper.run(&mut ()).unwrap();
@@ -145,7 +145,7 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
         let solver = SolverParams { symmetry: boundary.symmetry(params.solver.symmetry), ..params.solver };
         let symbolic = B::analyze(context, &pattern, &solver)?;
         let system = NewtonSystem::new(context, &pattern, &symbolic)?;
-        let mut assembler = Assembler::new(geometry, &mesh, &unknowns, &system.matrix).map_err(SolveError::Backend)?;
+        let mut assembler = Assembler::new(geometry, &unknowns, &system.matrix).map_err(SolveError::Backend)?;
         assembler.locate_loads(boundary.loads(), &system.matrix).map_err(SolveError::Backend)?;
         let body = Equilibrium::new(mesh, boundary, assembler, field)?;
         Ok(Self { body, system, params, completed_steps: 0, halvings: 0, undeformed: true })

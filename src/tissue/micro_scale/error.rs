@@ -5,6 +5,7 @@ use thiserror::Error;
 
 use super::unit::UnitError;
 use crate::fem::material::MaterialError;
+use crate::fem::mesh::IntegrationPoint;
 
 /// The reason why a field has no response.
 #[derive(Clone, Debug, Error, PartialEq)]
@@ -19,10 +20,10 @@ pub enum TissueFieldError {
 
 /// A point without a response.
 #[derive(Clone, Debug, Error, PartialEq, Eq, Serialize, Deserialize)]
-#[error("element {element}{}: {reason}", network.as_ref().map(|n| format!(" (network {n})")).unwrap_or_default())]
+#[error("{point}{}: {reason}", network.as_ref().map(|n| format!(" (network {n})")).unwrap_or_default())]
 pub struct PointFailure {
-    /// The element, from 0.
-    pub element: usize,
+    /// The point.
+    pub point: IntegrationPoint,
     /// The network of the RVE, if it has one.
     pub network: Option<String>,
     /// The reason as text.
@@ -46,13 +47,13 @@ pub enum PointFailureKind {
 
 impl PointFailure {
     /// Reports the failure of a formula.
-    pub(super) fn of_formula(element: usize, reason: &MaterialError) -> Self {
-        Self { element, network: None, reason: reason.to_string(), kind: PointFailureKind::Formula }
+    pub(super) fn of_formula(point: IntegrationPoint, reason: &MaterialError) -> Self {
+        Self { point, network: None, reason: reason.to_string(), kind: PointFailureKind::Formula }
     }
 
     /// Reports the failure of a unit.
     pub(super) fn of_unit<F: std::error::Error>(
-        element: usize,
+        point: IntegrationPoint,
         network: Option<String>,
         reason: &UnitError<F>,
     ) -> Self {
@@ -62,6 +63,6 @@ impl PointFailure {
             UnitError::Material(_) => PointFailureKind::Formula,
             UnitError::Workspace(_) => PointFailureKind::Backend,
         };
-        Self { element, network, reason: reason.to_string(), kind }
+        Self { point, network, reason: reason.to_string(), kind }
     }
 }

@@ -1,4 +1,4 @@
-//! The materials of a body with their networks: reads each network once and assigns a material to every element.
+//! The materials of a body with their networks: reads each network once and assigns a material to every integration point.
 
 use std::collections::HashMap;
 use std::path::PathBuf;
@@ -38,16 +38,16 @@ pub enum LibraryError {
 pub struct Library<B: Backend> {
     pub(super) context: B::Context,
     pub(super) models: Vec<RveModel<B>>,
-    /// Every region with the models that its elements choose from.
+    /// Every region with the models that its points choose from.
     regions: Vec<(Region, Vec<usize>)>,
     pub(super) params: EquilibriumParams,
     /// Whether RVEs keep the sensitivities that predict the start of the next solve.
     pub(super) predict: bool,
 }
 
-/// The material of an element.
+/// The material of an integration point.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum ElementMaterial {
+pub enum PointMaterial {
     /// A formula.
     Formula(Formula),
     /// An RVE: its model and the matrix in parallel.
@@ -92,7 +92,7 @@ impl<B: RealBackend> Library<B> {
         &self.models
     }
 
-    /// Returns the models that the elements of a region choose from; empty for a formula or a matrix alone.
+    /// Returns the models that the points of a region choose from; empty for a formula or a matrix alone.
     pub fn models_of_region(&self, region: usize) -> &[usize] {
         &self.regions[region].1
     }
@@ -118,14 +118,14 @@ impl<B: RealBackend> Library<B> {
         &self.params
     }
 
-    /// Returns the material of an element of a region.
-    pub fn of_element(&self, region: usize, element: usize) -> ElementMaterial {
+    /// Returns the material of a point of a region.
+    pub fn of_point(&self, region: usize, point: usize) -> PointMaterial {
         let (Region { material, .. }, models) = &self.regions[region];
         match material {
-            RegionMaterial::Formula(formula) => ElementMaterial::Formula(*formula),
+            RegionMaterial::Formula(formula) => PointMaterial::Formula(*formula),
             RegionMaterial::FiberRve(rve) => {
-                let model = (!models.is_empty()).then(|| models[assigned(rve, element, models.len())]);
-                ElementMaterial::Rve { model, matrix: rve.matrix, lifecycle: rve.lifecycle }
+                let model = (!models.is_empty()).then(|| models[assigned(rve, point, models.len())]);
+                PointMaterial::Rve { model, matrix: rve.matrix, lifecycle: rve.lifecycle }
             }
         }
     }
@@ -153,7 +153,7 @@ struct Reader<'a, B: Backend> {
 }
 
 impl<B: RealBackend> Reader<'_, B> {
-    /// Returns the models that the elements with this material choose from.
+    /// Returns the models that the points with this material choose from.
     fn models_of(&mut self, material: &RegionMaterial) -> Result<Vec<usize>, LibraryError> {
         match material {
             RegionMaterial::Formula(_) => Ok(Vec::new()),
@@ -186,12 +186,12 @@ impl<B: RealBackend> Reader<'_, B> {
     }
 }
 
-/// Assigns one of `count` networks to an element, as a function of the seed and the element alone.
-fn assigned(rve: &FiberRve, element: usize, count: usize) -> usize {
+/// Assigns one of `count` networks to a point, as a function of the seed and the number of the point alone.
+fn assigned(rve: &FiberRve, point: usize, count: usize) -> usize {
     match rve.assignment {
-        NetworkAssignment::Cycle => element % count,
+        NetworkAssignment::Cycle => point % count,
         // The remainder's bias is below count / 2^64.
-        NetworkAssignment::Random => (scramble(rve.seed ^ scramble(element as u64)) % count as u64) as usize,
+        NetworkAssignment::Random => (scramble(rve.seed ^ scramble(point as u64)) % count as u64) as usize,
     }
 }
 

@@ -33,7 +33,7 @@ use crate::tissue::materials::Materials;
 use crate::tissue::two_scale::RankTimes;
 
 pub use error::{PointFailure, PointFailureKind, TissueFieldError};
-pub use library::{ElementMaterial, Library, LibraryError};
+pub use library::{Library, LibraryError, PointMaterial};
 pub use lifecycle::RveStatus;
 pub use saved::{FieldRestoreError, SerializeIter, UnitState};
 pub use sites::Sites;
@@ -68,11 +68,11 @@ pub trait TissueMaterial: PointField<Error = TissueFieldError> {
     /// Returns the RVE that made the last update fail; a second call returns `None`.
     fn take_failed_rve(&self) -> Option<FailedRve>;
 
-    /// Returns the summary of the fibers of every element, `None` for one without fibers.
+    /// Returns the summary of the fibers of every point, `None` for one without fibers.
     fn summaries(&self) -> Vec<Option<PointSummary>>;
 
-    /// Returns the deformed network of an element, `None` for one without.
-    fn deformed_network(&self, element: usize) -> Option<DeformedNetwork>;
+    /// Returns the deformed network of a point, `None` for one without.
+    fn deformed_network(&self, point: usize) -> Option<DeformedNetwork>;
 
     /// Numbers of ranks of the macro scale and of the micro scale; 1 and 0 in one process.
     fn ranks(&self) -> [usize; 2] {
@@ -90,12 +90,12 @@ pub trait TissueMaterial: PointField<Error = TissueFieldError> {
         (0..mesh.nodes().len() as u32).collect()
     }
 
-    /// Returns the rank that solves the RVE of an element, or evaluates its formula; 0 in one process.
+    /// Returns the rank that solves the RVE of a point, or evaluates its formula; 0 in one process.
     fn rank_of(&self, _element: usize) -> usize {
         0
     }
 
-    /// Returns the states of all RVEs that exist, in the order of their elements. Right after a commit, these and
+    /// Returns the states of all RVEs that exist, in the order of their points. Right after a commit, these and
     /// [`Sites::statuses`] are all that the next load step depends on.
     fn unit_states(&self) -> impl ExactSizeIterator<Item = UnitState> + '_;
 
@@ -111,12 +111,12 @@ pub trait TissueMaterial: PointField<Error = TissueFieldError> {
 pub struct TissueField<B: Backend> {
     sites: Sites,
     units: Units<B>,
-    /// The index of the unit of each element with an RVE.
+    /// The index of the unit of each point with an RVE.
     unit_of: HashMap<usize, usize>,
 }
 
 impl<B: RealBackend> TissueField<B> {
-    /// Reads the networks of the materials and gives every element of the mesh its material; also returns the warnings
+    /// Reads the networks of the materials and gives every point of the mesh its material; also returns the warnings
     /// of the network reader.
     ///
     /// # Errors
@@ -129,27 +129,27 @@ impl<B: RealBackend> TissueField<B> {
         Ok((field, warnings))
     }
 
-    /// Replaces all RVEs by new ones at rest, for the elements whose RVE exists.
+    /// Replaces all RVEs by new ones at rest, for the points whose RVE exists.
     fn create_existing(&mut self) {
-        let existing: Vec<usize> = self.sites.existing().map(|(element, _)| element).collect();
+        let existing: Vec<usize> = self.sites.existing().map(|(point, _)| point).collect();
         self.units.clear();
         self.unit_of.clear();
         self.update_rves(&[], &existing);
     }
 
-    /// Deletes and creates the RVEs of these elements.
+    /// Deletes and creates the RVEs of these points.
     fn update_rves(&mut self, deleted: &[usize], created: &[usize]) {
         if deleted.is_empty() && created.is_empty() {
             return;
         }
         let deleted: HashSet<usize> = deleted.iter().copied().collect();
         self.units.remove(&deleted);
-        for &element in created {
-            if let Some((model, matrix)) = self.sites.material(element) {
-                self.units.add(element, model, matrix);
+        for &point in created {
+            if let Some((model, matrix)) = self.sites.material(point) {
+                self.units.add((point, self.sites.locate(point)), model, matrix);
             }
         }
-        self.unit_of = self.units.by_element();
+        self.unit_of = self.units.by_point();
     }
 }
 
@@ -158,12 +158,12 @@ impl<B: RealBackend> PointField for TissueField<B> {
 
     fn update(&mut self, gradients: &[Matrix3<f64>], out: &mut PointResponses) -> Result<(), Self::Error> {
         let Self { sites, units, .. } = self;
-        // Points that need no RVE come first: an inverted element there fails before any RVE is solved.
+        // Points that need no RVE come first: an inverted point there fails before any RVE is solved.
         sites.evaluate(gradients, out)?;
-        units.solve(|_, element| sites.is_awake(element).then(|| gradients[element]))?;
-        for (element, response) in units.responses() {
-            if let Some(response) = response.filter(|_| sites.is_awake(element)) {
-                sites.set_response(element, response, out);
+        units.solve(|_, point| sites.is_awake(point).then(|| gradients[point]))?;
+        for (point, response) in units.responses() {
+            if let Some(response) = response.filter(|_| sites.is_awake(point)) {
+                sites.set_response(point, response, out);
             }
         }
         Ok(())
@@ -171,11 +171,11 @@ impl<B: RealBackend> PointField for TissueField<B> {
 
     fn verify(&mut self, gradients: &[Matrix3<f64>], out: &mut PointResponses) -> Result<bool, Self::Error> {
         let Self { sites, units, .. } = self;
-        let replaced = units.verify(|_, element| sites.is_awake(element).then(|| gradients[element]))?;
+        let replaced = units.verify(|_, point| sites.is_awake(point).then(|| gradients[point]))?;
         for &number in &replaced {
-            let element = units.elements()[number];
+            let point = units.points()[number];
             if let Some((_, response)) = units.response(number) {
-                sites.set_response(element, &response, out);
+                sites.set_response(point, &response, out);
             }
         }
         Ok(!replaced.is_empty())
@@ -228,20 +228,21 @@ impl<B: RealBackend> TissueMaterial for TissueField<B> {
 
     fn summaries(&self) -> Vec<Option<PointSummary>> {
         let mut summaries: Vec<Option<PointSummary>> = (0..self.sites.len()).map(|_| None).collect();
-        for (&element, summary) in self.units.elements().iter().zip(self.units.summaries()) {
-            summaries[element] = summary;
+        for (&point, summary) in self.units.points().iter().zip(self.units.summaries()) {
+            summaries[point] = summary;
         }
         summaries
     }
 
-    fn deformed_network(&self, element: usize) -> Option<DeformedNetwork> {
-        self.units.deformed_network(*self.unit_of.get(&element)?)
+    fn deformed_network(&self, point: usize) -> Option<DeformedNetwork> {
+        self.units.deformed_network(*self.unit_of.get(&point)?)
     }
 
     fn unit_states(&self) -> impl ExactSizeIterator<Item = UnitState> + '_ {
         let existing = self.sites.existing();
-        let all: Vec<_> =
-            existing.filter_map(|(e, _)| Some((*self.unit_of.get(&e)?, self.sites.extrapolation_point(e)))).collect();
+        let all: Vec<_> = existing
+            .filter_map(|(point, _)| Some((*self.unit_of.get(&point)?, self.sites.extrapolation_point(point))))
+            .collect();
         all.into_iter().map(|(number, extrapolation_point)| {
             let state = self.units.state(number);
             UnitState { response: extrapolation_point.or(state.response), ..state }
@@ -254,7 +255,7 @@ impl<B: RealBackend> TissueMaterial for TissueField<B> {
         self.create_existing();
         self.units.restore(states)?;
         let Self { sites, units, unit_of } = self;
-        sites.restore(statuses, |element| units.response(*unit_of.get(&element)?));
+        sites.restore(statuses, |point| units.response(*unit_of.get(&point)?));
         Ok(())
     }
 }
@@ -266,16 +267,15 @@ pub(super) fn check_states<B: RealBackend>(
     statuses: &[RveStatus],
     states: &[UnitState],
 ) -> Result<(), FieldRestoreError> {
-    let exists = |element: usize| statuses.get(element).is_some_and(|status| status.exists());
-    let elements: Vec<usize> =
-        (0..sites.len()).filter(|&element| sites.status(element).is_some() && exists(element)).collect();
-    let (found, expected) = (states.len(), elements.len());
+    let exists = |point: usize| statuses.get(point).is_some_and(|status| status.exists());
+    let points: Vec<usize> = (0..sites.len()).filter(|&point| sites.status(point).is_some() && exists(point)).collect();
+    let (found, expected) = (states.len(), points.len());
     if found != expected || statuses.len() != sites.len() {
         return Err(FieldRestoreError::Units { found, expected });
     }
-    for (&element, state) in elements.iter().zip(states) {
-        let model = sites.material(element).and_then(|(model, _)| model);
-        state.check(element, model.map(|model| &**library.models()[model].network()))?;
+    for (&point, state) in points.iter().zip(states) {
+        let model = sites.material(point).and_then(|(model, _)| model);
+        state.check(sites.locate(point), model.map(|model| &**library.models()[model].network()))?;
     }
     Ok(())
 }

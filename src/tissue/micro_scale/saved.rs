@@ -6,6 +6,7 @@ use thiserror::Error;
 
 use super::raw::Raw;
 use crate::fem::material::Response;
+use crate::fem::mesh::IntegrationPoint;
 use crate::fiber::network::Network;
 use crate::fiber::rve::{Rve, RveStateError, Sensitivities};
 
@@ -23,12 +24,12 @@ pub struct UnitState {
 }
 
 impl UnitState {
-    /// Checks that the state matches the RVE of an element, which has this network or none.
-    pub(super) fn check(&self, element: usize, network: Option<&Network>) -> Result<(), FieldRestoreError> {
+    /// Checks that the state matches the RVE of a point, which has this network or none.
+    pub(super) fn check(&self, point: IntegrationPoint, network: Option<&Network>) -> Result<(), FieldRestoreError> {
         match (&self.rve, network) {
-            (Some(rve), Some(network)) => rve.check(network).map_err(|reason| FieldRestoreError::Rve(element, reason)),
+            (Some(rve), Some(network)) => rve.check(network).map_err(|reason| FieldRestoreError::Rve(point, reason)),
             (None, None) => Ok(()),
-            (saved, _) => Err(FieldRestoreError::Fibers { element, saved: saved.is_some() }),
+            (saved, _) => Err(FieldRestoreError::Fibers { point, saved: saved.is_some() }),
         }
     }
 }
@@ -111,17 +112,17 @@ pub enum FieldRestoreError {
         expected: usize,
     },
     /// Only one side has fibers.
-    #[error("element {element} has {} here", if *saved { "fibers in the saved state, but none" } else { "no fibers in the saved state, but has some" })]
+    #[error("{point} has {} here", if *saved { "fibers in the saved state, but none" } else { "no fibers in the saved state, but has some" })]
     Fibers {
-        /// The element, from 0.
-        element: usize,
+        /// The point.
+        point: IntegrationPoint,
         /// Whether the saved state has fibers there.
         saved: bool,
     },
     /// Communication between the ranks that share the RVEs failed.
     #[error("{0}")]
     Ranks(String),
-    /// The saved state does not match the network of an element, counted from 0.
-    #[error("element {0}: {1}")]
-    Rve(usize, RveStateError),
+    /// The saved state does not match the network of a point.
+    #[error("{0}: {1}")]
+    Rve(IntegrationPoint, RveStateError),
 }

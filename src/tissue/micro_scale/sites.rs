@@ -7,10 +7,10 @@
 use nalgebra::Matrix3;
 
 use super::error::PointFailure;
-use super::library::{ElementMaterial, Library, LibraryError};
+use super::library::{Library, LibraryError, PointMaterial};
 use super::lifecycle::{LifecycleState, RveStatus, extrapolate};
 use crate::fem::material::{Material, MaterialError, Response, SaintVenantKirchhoff};
-use crate::fem::mesh::Mesh;
+use crate::fem::mesh::{IntegrationPoint, Mesh, PointNumbering};
 use crate::fem::point_field::PointResponses;
 use crate::las::RealBackend;
 use crate::tissue::materials::{BeforeCreation, Formula, RveLifecycle};
@@ -18,6 +18,7 @@ use crate::tissue::materials::{BeforeCreation, Formula, RveLifecycle};
 /// The materials of all integration points of a body, and the statuses of the RVEs.
 pub struct Sites {
     sites: Vec<Site>,
+    points: PointNumbering,
     /// The linear response at rest of each model that an RVE not created yet uses.
     at_rest: Vec<Option<SaintVenantKirchhoff>>,
     /// The changes since the last commit.
@@ -31,17 +32,17 @@ pub struct Sites {
 /// are. The number of RVEs that a step deletes thus hardly depends on the step length.
 const DELETED_FRACTION: f64 = 0.1;
 
-/// Relative tolerance within which strains count as equal: elements that are equal by symmetry are deleted together,
+/// Relative tolerance within which strains count as equal: points that are equal by symmetry are deleted together,
 /// and the remaining residual of Newton does not select among them.
 const EQUAL_STRAINS: f64 = 1e-6;
 
 enum Site {
     Formula(Formula),
-    Rve(Point),
+    Rve(RveSite),
 }
 
-/// An element with an RVE.
-struct Point {
+/// A point with an RVE.
+struct RveSite {
     region: usize,
     model: Option<usize>,
     matrix: Option<Formula>,
@@ -49,7 +50,7 @@ struct Point {
     lifecycle: Option<Box<LifecycleState>>,
 }
 
-/// Elements whose RVEs are created, deleted and woken.
+/// Points whose RVEs are created, deleted and woken.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(in crate::tissue) struct RveChanges {
     pub created: Vec<usize>,
@@ -64,14 +65,14 @@ impl RveChanges {
 }
 
 impl Sites {
-    /// Assigns the materials of a library to the elements of a mesh.
+    /// Assigns the materials of a library to the points of a mesh.
     pub(in crate::tissue) fn new<B: RealBackend>(library: &Library<B>, mesh: &Mesh) -> Result<Self, LibraryError> {
-        let regions = library.regions_of_mesh(mesh)?;
-        let site = |(element, region)| Site::new(region, library.of_element(region, element));
+        let regions = mesh.points().spread(&library.regions_of_mesh(mesh)?);
+        let site = |(point, region)| Site::new(region, library.of_point(region, point));
         let sites: Vec<Site> = regions.into_iter().enumerate().map(site).collect();
         let mut at_rest = vec![None; library.models().len()];
-        for point in sites.iter().filter_map(Site::point) {
-            if let (Some(model), Some(lifecycle)) = (point.model, &point.lifecycle)
+        for rve in sites.iter().filter_map(Site::rve) {
+            if let (Some(model), Some(lifecycle)) = (rve.model, &rve.lifecycle)
                 && lifecycle.status == RveStatus::Waiting
                 && lifecycle.rules.before == BeforeCreation::Linear
                 && at_rest[model].is_none()
@@ -79,90 +80,102 @@ impl Sites {
                 at_rest[model] = Some(library.at_rest(model)?);
             }
         }
-        Ok(Self { sites, at_rest, pending: RveChanges::default(), is_restored: false })
+        Ok(Self { sites, points: mesh.points().clone(), at_rest, pending: RveChanges::default(), is_restored: false })
     }
 
-    /// Number of elements.
+    /// Returns the numbering of the points.
+    pub fn points(&self) -> &PointNumbering {
+        &self.points
+    }
+
+    /// Returns the element of a point, and the position of the point within it.
+    pub(in crate::tissue) fn locate(&self, point: usize) -> IntegrationPoint {
+        self.points.locate(point)
+    }
+
+    /// Number of points.
     pub fn len(&self) -> usize {
         self.sites.len()
     }
 
-    /// Returns true if there are no elements.
+    /// Returns true if there are no points.
     pub fn is_empty(&self) -> bool {
         self.sites.is_empty()
     }
 
-    fn points(&self) -> impl Iterator<Item = (usize, &Point)> {
-        self.sites.iter().enumerate().filter_map(|(element, site)| Some((element, site.point()?)))
+    fn rve_sites(&self) -> impl Iterator<Item = (usize, &RveSite)> {
+        self.sites.iter().enumerate().filter_map(|(point, site)| Some((point, site.rve()?)))
     }
 
-    /// Number of elements that have an RVE at some time.
+    /// Number of points that have an RVE at some time.
     pub fn rves(&self) -> usize {
-        self.points().count()
+        self.rve_sites().count()
     }
 
-    /// Returns the elements whose RVE exists, ascending, with their regions.
+    /// Returns the points whose RVE exists, ascending, with their regions.
     pub(in crate::tissue) fn existing(&self) -> impl Iterator<Item = (usize, usize)> {
-        self.points().filter(|(_, point)| point.status().exists()).map(|(e, p)| (e, p.region))
+        self.rve_sites().filter(|(_, rve)| rve.status().exists()).map(|(point, rve)| (point, rve.region))
     }
 
-    /// Returns the model and the matrix of the RVE of an element.
-    pub(in crate::tissue) fn material(&self, element: usize) -> Option<(Option<usize>, Option<Formula>)> {
-        let point = self.sites.get(element)?.point()?;
-        Some((point.model, point.matrix))
+    /// Returns the model and the matrix of the RVE of a point.
+    pub(in crate::tissue) fn material(&self, point: usize) -> Option<(Option<usize>, Option<Formula>)> {
+        let rve = self.sites.get(point)?.rve()?;
+        Some((rve.model, rve.matrix))
     }
 
-    /// Returns true if the RVE of an element has fibers.
-    pub fn has_fibers(&self, element: usize) -> bool {
-        self.material(element).is_some_and(|(model, _)| model.is_some())
+    /// Returns true if the RVE of a point has fibers.
+    pub fn has_fibers(&self, point: usize) -> bool {
+        self.material(point).is_some_and(|(model, _)| model.is_some())
     }
 
-    /// Returns the region that an element with an RVE belongs to.
-    pub(in crate::tissue) fn region(&self, element: usize) -> usize {
-        self.sites.get(element).and_then(Site::point).map_or(0, |point| point.region)
+    /// Returns the region that a point with an RVE belongs to.
+    pub(in crate::tissue) fn region(&self, point: usize) -> usize {
+        self.sites.get(point).and_then(Site::rve).map_or(0, |rve| rve.region)
     }
 
-    /// Returns, for each of `models` models, the number of elements that use it.
+    /// Returns, for each of `models` models, the number of points that use it.
     pub fn rves_per_model(&self, models: usize) -> Vec<usize> {
         let mut rves = vec![0; models];
-        self.points().filter_map(|(_, point)| point.model).for_each(|model| rves[model] += 1);
+        self.rve_sites().filter_map(|(_, rve)| rve.model).for_each(|model| rves[model] += 1);
         rves
     }
 
-    /// Returns the status of the RVE of an element; `None` if the element never has one.
-    pub fn status(&self, element: usize) -> Option<RveStatus> {
-        self.sites.get(element)?.point().map(Point::status)
+    /// Returns the status of the RVE of a point; `None` if the point never has one.
+    pub fn status(&self, point: usize) -> Option<RveStatus> {
+        self.sites.get(point)?.rve().map(RveSite::status)
     }
 
-    pub(in crate::tissue) fn is_awake(&self, element: usize) -> bool {
-        self.status(element) == Some(RveStatus::Awake)
+    pub(in crate::tissue) fn is_awake(&self, point: usize) -> bool {
+        self.status(point) == Some(RveStatus::Awake)
     }
 
-    /// Writes the responses of all elements without an awake RVE to `out`.
+    /// Writes the responses of all points without an awake RVE to `out`.
     pub(in crate::tissue) fn evaluate(
         &mut self,
         gradients: &[Matrix3<f64>],
         out: &mut PointResponses,
     ) -> Result<(), PointFailure> {
         out.resize(gradients.len());
-        for (element, f) in gradients.iter().enumerate() {
-            let response = self.respond(element, f).map_err(|reason| PointFailure::of_formula(element, &reason))?;
+        for (point, f) in gradients.iter().enumerate() {
+            let response = self
+                .respond(point, f)
+                .map_err(|reason| PointFailure::of_formula(self.points.locate(point), &reason))?;
             if let Some(response) = response {
-                write(out, element, &response);
+                write(out, point, &response);
             }
         }
         Ok(())
     }
 
-    /// Returns the response of an element without an awake RVE; `None` if its RVE has to be solved.
-    fn respond(&mut self, element: usize, f: &Matrix3<f64>) -> Result<Option<Response>, MaterialError> {
-        let point = match &mut self.sites[element] {
+    /// Returns the response of a point without an awake RVE; `None` if its RVE has to be solved.
+    fn respond(&mut self, point: usize, f: &Matrix3<f64>) -> Result<Option<Response>, MaterialError> {
+        let rve = match &mut self.sites[point] {
             Site::Formula(formula) => return check_orientation(f).and_then(|()| formula.respond(f)).map(Some),
-            Site::Rve(point) => point,
+            Site::Rve(rve) => rve,
         };
-        let Some(lifecycle) = &mut point.lifecycle else { return Ok(None) };
+        let Some(lifecycle) = &mut rve.lifecycle else { return Ok(None) };
         lifecycle.trial = (*f, None);
-        let rest = point.model.and_then(|model| self.at_rest[model].as_ref());
+        let rest = rve.model.and_then(|model| self.at_rest[model].as_ref());
         if lifecycle.status == RveStatus::Awake {
             return Ok(None);
         }
@@ -173,21 +186,21 @@ impl Sites {
                 Ok(lifecycle.extrapolation_point.as_ref().map(|(from, response)| extrapolate(from, response, f)))
             }
             RveStatus::Waiting if lifecycle.rules.before == BeforeCreation::Linear => {
-                linear(rest, point.matrix.as_ref(), f).map(Some)
+                linear(rest, rve.matrix.as_ref(), f).map(Some)
             }
-            RveStatus::Waiting | RveStatus::Deleted => point.matrix.map(|matrix| matrix.respond(f)).transpose(),
+            RveStatus::Waiting | RveStatus::Deleted => rve.matrix.map(|matrix| matrix.respond(f)).transpose(),
         }
     }
 
-    /// Writes the response of the RVE of an element to `out`, and stores it: it belongs to the gradient of the last
+    /// Writes the response of the RVE of a point to `out`, and stores it: it belongs to the gradient of the last
     /// [`Sites::evaluate`].
-    pub(in crate::tissue) fn set_response(&mut self, element: usize, response: &Response, out: &mut PointResponses) {
-        write(out, element, response);
-        self.store_response(element, response);
+    pub(in crate::tissue) fn set_response(&mut self, point: usize, response: &Response, out: &mut PointResponses) {
+        write(out, point, response);
+        self.store_response(point, response);
     }
 
-    fn store_response(&mut self, element: usize, response: &Response) {
-        if let Site::Rve(Point { lifecycle: Some(lifecycle), .. }) = &mut self.sites[element] {
+    fn store_response(&mut self, point: usize, response: &Response) {
+        if let Site::Rve(RveSite { lifecycle: Some(lifecycle), .. }) = &mut self.sites[point] {
             lifecycle.trial.1 = Some(*response);
         }
     }
@@ -197,16 +210,16 @@ impl Sites {
     pub(in crate::tissue) fn evolve(&mut self) -> RveChanges {
         let mut changes = RveChanges::default();
         let limit = self.overstrain_limit();
-        for (element, lifecycle) in lifecycles(&mut self.sites) {
+        for (point, lifecycle) in lifecycles(&mut self.sites) {
             if lifecycle.overstrain().is_some_and(|overstrain| overstrain >= limit) {
                 lifecycle.status = RveStatus::Deleted;
-                changes.deleted.push(element);
+                changes.deleted.push(point);
             } else if lifecycle.must_be_created() {
                 lifecycle.status = RveStatus::Awake;
-                changes.created.push(element);
+                changes.created.push(point);
             } else if lifecycle.has_moved_in_sleep() {
                 lifecycle.status = RveStatus::Awake;
-                changes.woken.push(element);
+                changes.woken.push(point);
             }
         }
         self.pending.created.extend(&changes.created);
@@ -216,7 +229,7 @@ impl Sites {
 
     /// The least overstrain at which RVEs are deleted in this round.
     fn overstrain_limit(&self) -> f64 {
-        let lifecycles = self.points().filter_map(|(_, point)| point.lifecycle.as_ref());
+        let lifecycles = self.rve_sites().filter_map(|(_, rve)| rve.lifecycle.as_ref());
         let mut overstrains: Vec<f64> = lifecycles.filter_map(|lifecycle| lifecycle.overstrain()).collect();
         overstrains.sort_by(|a, b| b.total_cmp(a));
         let part = (DELETED_FRACTION * overstrains.len() as f64).ceil() as usize;
@@ -224,7 +237,7 @@ impl Sites {
         last.map_or(f64::INFINITY, |overstrain| overstrain * (1.0 - EQUAL_STRAINS))
     }
 
-    /// Commits the step at the last gradients; RVEs that hardly moved in it fall asleep. Returns the elements whose
+    /// Commits the step at the last gradients; RVEs that hardly moved in it fall asleep. Returns the points whose
     /// RVEs are deleted for good.
     pub(in crate::tissue) fn commit(&mut self) -> Vec<usize> {
         let is_step = !std::mem::take(&mut self.is_restored);
@@ -238,7 +251,7 @@ impl Sites {
         std::mem::take(&mut self.pending).deleted
     }
 
-    /// Reverts the step: all statuses are those of the last commit. Returns the elements whose RVEs were created
+    /// Reverts the step: all statuses are those of the last commit. Returns the points whose RVEs were created
     /// since.
     pub(in crate::tissue) fn revert(&mut self) -> Vec<usize> {
         for (_, lifecycle) in lifecycles(&mut self.sites) {
@@ -248,26 +261,26 @@ impl Sites {
     }
 
     /// The gradient and the response from which a sleeping RVE extrapolates.
-    pub(in crate::tissue) fn extrapolation_point(&self, element: usize) -> Option<(Matrix3<f64>, Response)> {
-        let lifecycle = self.sites.get(element)?.point()?.lifecycle.as_ref()?;
+    pub(in crate::tissue) fn extrapolation_point(&self, point: usize) -> Option<(Matrix3<f64>, Response)> {
+        let lifecycle = self.sites.get(point)?.rve()?.lifecycle.as_ref()?;
         lifecycle.extrapolation_point.filter(|_| lifecycle.status == RveStatus::Asleep)
     }
 
-    /// Returns the statuses of all elements, [`RveStatus::Awake`] for one without an RVE.
+    /// Returns the statuses of all points, [`RveStatus::Awake`] for one without an RVE.
     pub fn statuses(&self) -> Vec<RveStatus> {
-        (0..self.len()).map(|element| self.status(element).unwrap_or(RveStatus::Awake)).collect()
+        (0..self.len()).map(|point| self.status(point).unwrap_or(RveStatus::Awake)).collect()
     }
 
-    /// Restores all statuses; `response` returns the last gradient of the RVE of an element and its response there.
+    /// Restores all statuses; `response` returns the last gradient of the RVE of a point and its response there.
     pub(in crate::tissue) fn restore(
         &mut self,
         statuses: &[RveStatus],
         response: impl Fn(usize) -> Option<(Matrix3<f64>, Response)>,
     ) {
-        for (element, (site, &status)) in self.sites.iter_mut().zip(statuses).enumerate() {
-            let Site::Rve(Point { lifecycle: Some(lifecycle), .. }) = site else { continue };
+        for (point, (site, &status)) in self.sites.iter_mut().zip(statuses).enumerate() {
+            let Site::Rve(RveSite { lifecycle: Some(lifecycle), .. }) = site else { continue };
             (lifecycle.status, lifecycle.committed) = (status, status);
-            lifecycle.extrapolation_point = response(element);
+            lifecycle.extrapolation_point = response(point);
             lifecycle.converged = lifecycle.extrapolation_point.as_ref().map(|(gradient, _)| *gradient);
         }
         self.pending = RveChanges::default();
@@ -275,49 +288,49 @@ impl Sites {
     }
 }
 
-/// The life cycles of RVEs that are created, sleep or are deleted, with their elements.
+/// The life cycles of RVEs that are created, sleep or are deleted, with their points.
 fn lifecycles(sites: &mut [Site]) -> impl Iterator<Item = (usize, &mut LifecycleState)> {
-    sites.iter_mut().enumerate().filter_map(|(element, site)| match site {
-        Site::Rve(Point { lifecycle: Some(lifecycle), .. }) => Some((element, &mut **lifecycle)),
+    sites.iter_mut().enumerate().filter_map(|(point, site)| match site {
+        Site::Rve(RveSite { lifecycle: Some(lifecycle), .. }) => Some((point, &mut **lifecycle)),
         _ => None,
     })
 }
 
 impl Site {
-    fn new(region: usize, material: ElementMaterial) -> Self {
+    fn new(region: usize, material: PointMaterial) -> Self {
         match material {
-            ElementMaterial::Formula(formula) => Self::Formula(formula),
-            ElementMaterial::Rve { model, matrix, lifecycle: rules } => {
+            PointMaterial::Formula(formula) => Self::Formula(formula),
+            PointMaterial::Rve { model, matrix, lifecycle: rules } => {
                 let lifecycle = (rules != RveLifecycle::default()).then(|| Box::new(LifecycleState::new(rules)));
-                Self::Rve(Point { region, model, matrix, lifecycle })
+                Self::Rve(RveSite { region, model, matrix, lifecycle })
             }
         }
     }
 
-    fn point(&self) -> Option<&Point> {
+    fn rve(&self) -> Option<&RveSite> {
         match self {
             Self::Formula(_) => None,
-            Self::Rve(point) => Some(point),
+            Self::Rve(rve) => Some(rve),
         }
     }
 }
 
-impl Point {
+impl RveSite {
     fn status(&self) -> RveStatus {
         self.lifecycle.as_ref().map_or(RveStatus::Awake, |lifecycle| lifecycle.status)
     }
 }
 
-/// Rejects an inverted element: small-strain formulas have a response at any gradient.
+/// Rejects an inverted point: small-strain formulas have a response at any gradient.
 fn check_orientation(f: &Matrix3<f64>) -> Result<(), MaterialError> {
     let determinant = f.determinant();
     if determinant > 0.0 { Ok(()) } else { Err(MaterialError::Inverted(determinant)) }
 }
 
-fn write(out: &mut PointResponses, element: usize, response: &Response) {
-    out.energy[element] = response.energy;
-    out.pk1[element] = response.pk1;
-    out.tangent[element] = response.tangent;
+fn write(out: &mut PointResponses, point: usize, response: &Response) {
+    out.energy[point] = response.energy;
+    out.pk1[point] = response.pk1;
+    out.tangent[point] = response.tangent;
 }
 
 /// The sum of a network's linear response at rest and that of the matrix in parallel.

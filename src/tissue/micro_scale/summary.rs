@@ -9,7 +9,7 @@ use crate::fiber::orientation::{Weighting, principal, tensor};
 use crate::fiber::truss::FiberStates;
 use crate::las::RealBackend;
 
-/// The network of one element at the last converged load step; nodes and fibers in the order of the network's file.
+/// The network of one point at the last converged load step; nodes and fibers in the order of the network's file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DeformedNetwork {
     /// The index of the undeformed network among the models of the field.

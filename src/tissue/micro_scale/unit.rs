@@ -7,6 +7,7 @@ use nalgebra::Matrix3;
 use super::library::Library;
 use super::worker::Worker;
 use crate::fem::material::{MaterialError, Response};
+use crate::fem::mesh::IntegrationPoint;
 use crate::fiber::equilibrium::{EquilibriumReport, RveError, Stage, converges_to, equilibrate};
 use crate::fiber::homogenize::Tangent;
 use crate::fiber::rve::{Rve, RveModel, Sensitivities};
@@ -48,6 +49,8 @@ pub(super) enum Origin {
 /// Without fibers it is the matrix alone, whose response must equal that of the formula without an RVE.
 #[derive(Clone, Debug)]
 pub(super) struct Unit {
+    /// Its integration point.
+    pub location: IntegrationPoint,
     /// The network.
     pub fibers: Option<Fibers>,
     /// The matrix in parallel.
@@ -149,12 +152,17 @@ impl RveStats {
 
 impl Unit {
     /// Creates an RVE at rest.
-    pub fn new<B: RealBackend>(model: Option<usize>, models: &[RveModel<B>], matrix: Option<Formula>) -> Self {
+    pub fn new<B: RealBackend>(
+        location: IntegrationPoint,
+        model: Option<usize>,
+        models: &[RveModel<B>],
+        matrix: Option<Formula>,
+    ) -> Self {
         let fibers = model.map(|model| {
             let rest = Rve::at_rest(models[model].network());
             Fibers { model, committed: rest.clone(), current: rest, origin: Origin::Committed }
         });
-        Self { fibers, matrix, response: None, iterations: 0, committed_iterations: 0 }
+        Self { location, fibers, matrix, response: None, iterations: 0, committed_iterations: 0 }
     }
 
     /// Returns stress and tangent at `gradient`. The last response is reused if the gradient has not changed.

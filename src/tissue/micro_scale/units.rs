@@ -13,20 +13,21 @@ use super::saved::{FieldRestoreError, UnitState};
 use super::unit::{Origin, RveStats, Unit, UnitError};
 use super::worker::Worker;
 use crate::fem::material::Response;
+use crate::fem::mesh::IntegrationPoint;
 use crate::fiber::rve::Rve;
 use crate::las::{Backend, RealBackend};
 use crate::tissue::materials::Formula;
 use crate::tissue::replay::RveDump;
 
-/// The RVEs of one rank in the order of their creation, each the material of one element.
+/// The RVEs of one rank in the order of their creation, each the material of one point.
 ///
 /// They are solved on all threads of the current rayon pool. Every RVE starts from its own last equilibrium and writes
 /// its own response, so results do not depend on the number of threads or on the thread that solves an RVE.
 pub(in crate::tissue) struct Units<B: Backend> {
     library: Library<B>,
     units: Vec<Unit>,
-    /// The element of every unit.
-    elements: Vec<usize>,
+    /// The point of every unit.
+    points: Vec<usize>,
     workers: Vec<Mutex<Worker<B>>>,
     /// Behind a lock, because observers of a run have only shared access to the units.
     stats: Mutex<RveStats>,
@@ -37,8 +38,8 @@ pub(in crate::tissue) struct Units<B: Backend> {
 /// An RVE that found no equilibrium.
 #[derive(Clone, Debug)]
 pub struct FailedRve {
-    /// Its element, from 0.
-    pub element: usize,
+    /// Its point.
+    pub point: IntegrationPoint,
     /// The number of its model.
     pub model: usize,
     /// The data that reproduces the failure.
@@ -46,16 +47,16 @@ pub struct FailedRve {
 }
 
 impl FailedRve {
-    /// Collects the data of the RVE of an element that failed between `start` and `gradient`.
+    /// Collects the data of the RVE of a point that failed between `start` and `gradient`.
     pub(in crate::tissue) fn new<B: RealBackend>(
         library: &Library<B>,
-        (element, model): (usize, usize),
+        (point, model): (IntegrationPoint, usize),
         start: &Rve,
         gradient: &Matrix3<f64>,
     ) -> Self {
-        let origin = format!("element {element}");
+        let origin = point.to_string();
         let dump = RveDump::new(origin, &library.models()[model], (start, gradient), library.params());
-        Self { element, model, dump }
+        Self { point, model, dump }
     }
 }
 
@@ -64,8 +65,8 @@ impl<B: RealBackend> Units<B> {
     pub fn new(library: Library<B>) -> Self {
         let models = library.models.len();
         let workers = (0..rayon::current_num_threads()).map(|_| Mutex::new(Worker::new(models))).collect();
-        let (units, elements, stats, failed_rve) = Default::default();
-        Self { library, units, elements, workers, stats, failed_rve }
+        let (units, points, stats, failed_rve) = Default::default();
+        Self { library, units, points, workers, stats, failed_rve }
     }
 
     /// Returns the data that all RVEs share.
@@ -73,17 +74,17 @@ impl<B: RealBackend> Units<B> {
         &self.library
     }
 
-    /// Appends an RVE at rest for an element.
-    pub fn add(&mut self, element: usize, model: Option<usize>, matrix: Option<Formula>) {
-        self.units.push(Unit::new(model, &self.library.models, matrix));
-        self.elements.push(element);
+    /// Appends an RVE at rest for a point, given by its number and its position in its point.
+    pub fn add(&mut self, (point, location): (usize, IntegrationPoint), model: Option<usize>, matrix: Option<Formula>) {
+        self.units.push(Unit::new(location, model, &self.library.models, matrix));
+        self.points.push(point);
     }
 
-    /// Removes the RVEs of these elements; the order of the others does not change.
-    pub fn remove(&mut self, elements: &HashSet<usize>) {
-        let mut stays = self.elements.iter().map(|element| !elements.contains(element));
+    /// Removes the RVEs of these points; the order of the others does not change.
+    pub fn remove(&mut self, points: &HashSet<usize>) {
+        let mut stays = self.points.iter().map(|point| !points.contains(point));
         self.units.retain(|_| stays.next().unwrap_or(true));
-        self.elements.retain(|element| !elements.contains(element));
+        self.points.retain(|point| !points.contains(point));
     }
 
     /// Number of RVEs.
@@ -91,19 +92,27 @@ impl<B: RealBackend> Units<B> {
         self.units.len()
     }
 
-    /// Returns the element of each RVE.
-    pub fn elements(&self) -> &[usize] {
-        &self.elements
+    /// Returns the position of the point of an RVE in its element.
+    ///
+    /// # Panics
+    /// Panics if the RVE does not exist.
+    pub fn location(&self, number: usize) -> IntegrationPoint {
+        self.units[number].location
+    }
+
+    /// Returns the point of each RVE.
+    pub fn points(&self) -> &[usize] {
+        &self.points
     }
 
     pub(super) fn unit(&self, number: usize) -> Option<&Unit> {
         self.units.get(number)
     }
 
-    /// Returns the element and the last response of each RVE.
+    /// Returns the point and the last response of each RVE.
     pub fn responses(&self) -> impl Iterator<Item = (usize, Option<&Response>)> {
         let responses = self.units.iter().map(|unit| unit.response.as_ref().map(|(_, response)| response));
-        self.elements.iter().copied().zip(responses)
+        self.points.iter().copied().zip(responses)
     }
 
     /// Bytes that all RVEs own in a run: states, last responses, and the start values of the next solves.
@@ -122,10 +131,10 @@ impl<B: RealBackend> Units<B> {
     }
 
     /// Brings the RVEs to equilibrium, each at the deformation gradient that `gradient` returns for its index and its
-    /// element; an RVE without a gradient is not changed.
+    /// point; an RVE without a gradient is not changed.
     ///
     /// # Errors
-    /// Returns the failure of the lowest element that has one. Elements above it are skipped if the failure is known in
+    /// Returns the failure of the lowest point that has one. Points above it are skipped if the failure is known in
     /// time, and all RVEs are reverted to the last [`Units::commit`], so that nothing depends on which of them were
     /// solved.
     pub fn solve(
@@ -165,25 +174,25 @@ impl<B: RealBackend> Units<B> {
         ) -> Result<bool, UnitError<B::Error>>
         + Sync,
     ) -> Result<Vec<usize>, PointFailure> {
-        let Self { library, units, elements, workers, .. } = self;
-        let (library, elements) = (&*library, &*elements);
+        let Self { library, units, points, workers, .. } = self;
+        let (library, points) = (&*library, &*points);
         let lowest = AtomicUsize::new(usize::MAX);
         let outcomes: Vec<_> = units
             .par_iter_mut()
-            .zip(elements)
+            .zip(points)
             .enumerate()
-            .map(|(number, (unit, &element))| {
+            .map(|(number, (unit, &point))| {
                 let mut stats = RveStats::default();
                 // One failure is enough: an RVE without an equilibrium takes long to fail.
-                if element > lowest.load(Ordering::Relaxed) {
+                if point > lowest.load(Ordering::Relaxed) {
                     return (stats, Ok(false));
                 }
-                let Some(gradient) = gradient(number, element) else { return (stats, Ok(false)) };
+                let Some(gradient) = gradient(number, point) else { return (stats, Ok(false)) };
                 let slot = rayon::current_thread_index().unwrap_or(0) % workers.len();
                 // A worker is scratch memory: data left by a panicking thread is overwritten.
                 let mut worker = workers[slot].lock().unwrap_or_else(PoisonError::into_inner);
                 let outcome = action(unit, &gradient, library, &mut worker, &mut stats).map_err(|reason| {
-                    lowest.fetch_min(element, Ordering::Relaxed);
+                    lowest.fetch_min(point, Ordering::Relaxed);
                     (number, gradient, reason)
                 });
                 (stats, outcome)
@@ -191,15 +200,15 @@ impl<B: RealBackend> Units<B> {
             .collect();
         let (lowest, mut sum) = (lowest.into_inner(), RveStats::default());
         let (mut chosen, mut failed) = (Vec::new(), None);
-        // Elements above the failed one may or may not have been solved and are not counted.
+        // Points above the failed one may or may not have been solved and are not counted.
         for (number, (stats, outcome)) in
-            outcomes.into_iter().enumerate().filter(|&(number, _)| elements[number] <= lowest)
+            outcomes.into_iter().enumerate().filter(|&(number, _)| points[number] <= lowest)
         {
             sum = sum.merge(stats);
             match outcome {
                 Ok(true) => chosen.push(number),
                 Ok(false) => {}
-                Err(failure) if elements[number] == lowest => failed = Some(failure),
+                Err(failure) if points[number] == lowest => failed = Some(failure),
                 Err(_) => {}
             }
         }
@@ -212,14 +221,14 @@ impl<B: RealBackend> Units<B> {
     }
 
     fn failure(&mut self, number: usize, gradient: &Matrix3<f64>, reason: &UnitError<B::Error>) -> PointFailure {
-        let (element, library) = (self.elements[number], &self.library);
-        let fibers = self.units[number].fibers.as_ref();
+        let (unit, library) = (&self.units[number], &self.library);
+        let fibers = unit.fibers.as_ref();
         let network = fibers.map(|f| library.models[f.model].network().name().to_owned());
         if let (UnitError::Rve(_), Some(fibers)) = (reason, fibers) {
             *self.failed_rve.get_mut().unwrap_or_else(PoisonError::into_inner) =
-                Some(FailedRve::new(library, (element, fibers.model), &fibers.current, gradient));
+                Some(FailedRve::new(library, (unit.location, fibers.model), &fibers.current, gradient));
         }
-        PointFailure::of_unit(element, network, reason)
+        PointFailure::of_unit(unit.location, network, reason)
     }
 
     /// Makes the current equilibria the start of the next load step.
@@ -253,9 +262,9 @@ impl<B: RealBackend> Units<B> {
         if found != expected {
             return Err(FieldRestoreError::Units { found, expected });
         }
-        for ((state, unit), &element) in states.iter().zip(&self.units).zip(&self.elements) {
+        for (state, unit) in states.iter().zip(&self.units) {
             let network = unit.fibers.as_ref().map(|fibers| &**self.library.models[fibers.model].network());
-            state.check(element, network)?;
+            state.check(unit.location, network)?;
         }
         for (UnitState { rve, response, iterations }, unit) in states.into_iter().zip(&mut self.units) {
             if let Some((current, fibers)) = rve.zip(unit.fibers.as_mut()) {
@@ -271,7 +280,7 @@ impl<B: RealBackend> Units<B> {
     /// Removes all RVEs.
     pub fn clear(&mut self) {
         self.units.clear();
-        self.elements.clear();
+        self.points.clear();
     }
 
     /// Returns the last deformation gradient of an RVE and its response there.
@@ -279,8 +288,8 @@ impl<B: RealBackend> Units<B> {
         self.units.get(number)?.response
     }
 
-    /// Returns the index of the unit of each element.
-    pub fn by_element(&self) -> HashMap<usize, usize> {
-        self.elements.iter().enumerate().map(|(number, &element)| (element, number)).collect()
+    /// Returns the index of the unit of each point.
+    pub fn by_point(&self) -> HashMap<usize, usize> {
+        self.points.iter().enumerate().map(|(number, &point)| (point, number)).collect()
     }
 }

@@ -44,7 +44,7 @@ pub fn follow<C: Comm>(scales: &Scales<C>, mesh: &Mesh) -> Result<(), TwoScaleEr
             FollowerCommand::UpdateRves(update) => {
                 times.idle += waiting.elapsed().as_secs_f64();
                 let start = Instant::now();
-                shard.update_rves(&update, |element| shard_of[element] == own)?;
+                shard.update_rves(&update, |point| shard_of[point.element as usize] == own)?;
                 times.add_communication(start);
             }
             FollowerCommand::Exchange => {
@@ -54,7 +54,7 @@ pub fn follow<C: Comm>(scales: &Scales<C>, mesh: &Mesh) -> Result<(), TwoScaleEr
                 let tasks = comm.receive(0, TASKS)?;
                 times.add_communication(start);
                 let tasks = tasks.values::<RveTask>().ok_or(TwoScaleError::Protocol)?;
-                if tasks.len() != shard.elements().len() {
+                if tasks.len() != shard.points().len() {
                     return Err(TwoScaleError::Protocol);
                 }
                 let responses = shard.exchange(|number, _| tasks[number], &mut times)?;

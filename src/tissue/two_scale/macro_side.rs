@@ -9,8 +9,8 @@ use super::TwoScaleError;
 use super::micro_proxy::{BodySolve, MicroProxy};
 use super::protocol::{Command, Outcome, RankTimes, RveFailure, Task, UnitReport};
 use super::shard::RveUpdate;
-use crate::coupling::Scales;
-use crate::fem::mesh::Mesh;
+use crate::coupling::{Scales, UnitId};
+use crate::fem::mesh::{IntegrationPoint, Mesh};
 use crate::fem::point_field::{PointField, PointResponses};
 use crate::las::{Backend, Comm, RealBackend};
 use crate::tissue::materials::Materials;
@@ -24,7 +24,7 @@ pub struct ScaleField<'a, C: Comm, B: Backend> {
     micro: MicroProxy<'a, C>,
     library: Library<B>,
     sites: Sites,
-    /// The rank of the program that solves the RVE of each element.
+    /// The rank of the program that solves the RVE of each point.
     rank_of: Vec<u32>,
     reports: Reports,
     failed_rve: Mutex<Option<FailedRve>>,
@@ -35,7 +35,7 @@ pub struct ScaleField<'a, C: Comm, B: Backend> {
 /// The last reports of the micro scale.
 #[derive(Default)]
 struct Reports {
-    /// One entry per element.
+    /// One entry per point.
     units: Vec<Option<UnitReport>>,
     stats: Mutex<RveStats>,
     times: Mutex<Vec<Vec<RankTimes>>>,
@@ -56,13 +56,13 @@ impl<'a, C: Comm, B: RealBackend> ScaleField<'a, C, B> {
         let (library, warnings) = Library::read(context, materials)?;
         let sites = Sites::new(&library, mesh)?;
         let shard_of = super::partition::partition(mesh, scales.comm().size());
-        let elements = sites.len();
+        let points = sites.len();
         let field = Self {
             micro: MicroProxy::new(scales, body_solve, shard_of),
             library,
             sites,
-            rank_of: vec![scales.world().rank() as u32; elements],
-            reports: Reports { units: (0..elements).map(|_| None).collect(), ..Reports::default() },
+            rank_of: vec![scales.world().rank() as u32; points],
+            reports: Reports { units: (0..points).map(|_| None).collect(), ..Reports::default() },
             failed_rve: Mutex::new(None),
             broken: Arc::default(),
         };
@@ -89,9 +89,14 @@ impl<'a, C: Comm, B: RealBackend> ScaleField<'a, C, B> {
     /// Returns [`TwoScaleError`] if communication fails.
     pub fn couple(&mut self) -> Result<(), TwoScaleError> {
         self.micro.couple()?;
-        let created = self.sites.existing().map(|(element, region)| [element as u64, region as u64]);
+        let created = self.sites.existing().map(|(point, region)| self.new_rve(point, region));
         let update = RveUpdate { deleted: Vec::new(), created: created.collect() };
         self.exchange_update(&update)
+    }
+
+    /// Returns the entry of [`RveUpdate::created`] for a point.
+    fn new_rve(&self, point: usize, region: usize) -> (UnitId, usize, IntegrationPoint) {
+        (point as u64, region, self.sites.locate(point))
     }
 
     /// Deletes and creates RVEs on both scales.
@@ -100,13 +105,13 @@ impl<'a, C: Comm, B: RealBackend> ScaleField<'a, C, B> {
         self.micro.update_rves(update)
     }
 
-    /// Deletes and creates the RVEs of these elements, if there are any.
+    /// Deletes and creates the RVEs of these points, if there are any.
     fn update_rves(&mut self, deleted: &[usize], created: &[usize]) -> Result<(), TissueFieldError> {
         if deleted.is_empty() && created.is_empty() {
             return Ok(());
         }
-        let deleted = deleted.iter().map(|&element| element as u64).collect();
-        let created = created.iter().map(|&element| [element as u64, self.sites.region(element) as u64]).collect();
+        let deleted = deleted.iter().map(|&point| point as u64).collect();
+        let created = created.iter().map(|&point| self.new_rve(point, self.sites.region(point))).collect();
         let updated = self.exchange_update(&RveUpdate { deleted, created });
         Ok(self.record_error(updated)?)
     }
@@ -120,7 +125,7 @@ impl<'a, C: Comm, B: RealBackend> ScaleField<'a, C, B> {
     ) -> Result<bool, TissueFieldError> {
         let responses = self.micro.evaluate(task, gradients, &self.sites);
         let mut responses = self.record_error(responses)?;
-        responses.retain(|response| self.sites.is_awake(response.element as usize));
+        responses.retain(|response| self.sites.is_awake(response.point as usize));
         if responses.iter().any(|response| response.outcome == Outcome::Failed as u64) {
             let failure = self.explain();
             let failure = self.record_error(failure)?;
@@ -128,7 +133,7 @@ impl<'a, C: Comm, B: RealBackend> ScaleField<'a, C, B> {
             return Err(failure.into());
         }
         for response in &responses {
-            self.sites.set_response(response.element as usize, &response.response(), out);
+            self.sites.set_response(response.point as usize, &response.response(), out);
         }
         self.micro.restart_clock();
         Ok(responses.iter().any(|response| response.outcome == Outcome::Replaced as u64))
@@ -142,7 +147,7 @@ impl<'a, C: Comm, B: RealBackend> ScaleField<'a, C, B> {
         {
             let gradient = Matrix3::from_column_slice(&gradient);
             *self.failed_rve.get_mut().unwrap_or_else(PoisonError::into_inner) =
-                Some(FailedRve::new(&self.library, (failure.element, model), &rve, &gradient));
+                Some(FailedRve::new(&self.library, (failure.point, model), &rve, &gradient));
         }
         Ok(failure)
     }
@@ -155,9 +160,9 @@ impl<'a, C: Comm, B: RealBackend> ScaleField<'a, C, B> {
         for (report, &rank) in reports.into_iter().zip(self.micro.ranks()) {
             stats = stats.merge(report.stats);
             for unit in report.units {
-                let element = unit.element as usize;
-                self.rank_of[element] = rank as u32;
-                self.reports.units[element] = Some(unit);
+                let point = unit.point as usize;
+                self.rank_of[point] = rank as u32;
+                self.reports.units[point] = Some(unit);
             }
         }
         let reports = self.reports.stats.get_mut().unwrap_or_else(PoisonError::into_inner);
@@ -182,7 +187,7 @@ impl<C: Comm, B: RealBackend> PointField for ScaleField<'_, C, B> {
     type Error = TissueFieldError;
 
     fn update(&mut self, gradients: &[Matrix3<f64>], out: &mut PointResponses) -> Result<(), Self::Error> {
-        // Points that need no RVE come first: an inverted element there fails before any RVE is solved.
+        // Points that need no RVE come first: an inverted point there fails before any RVE is solved.
         self.sites.evaluate(gradients, out)?;
         self.evaluate(Task::Solve, gradients, out)?;
         Ok(())
@@ -252,8 +257,8 @@ impl<C: Comm, B: RealBackend> TissueMaterial for ScaleField<'_, C, B> {
         self.reports.units.iter().map(|unit| unit.as_ref().and_then(|unit| unit.summary.clone())).collect()
     }
 
-    fn deformed_network(&self, element: usize) -> Option<DeformedNetwork> {
-        self.reports.units.get(element)?.as_ref()?.network.clone()
+    fn deformed_network(&self, point: usize) -> Option<DeformedNetwork> {
+        self.reports.units.get(point)?.as_ref()?.network.clone()
     }
 
     fn ranks(&self) -> [usize; 2] {
@@ -278,14 +283,16 @@ impl<C: Comm, B: RealBackend> TissueMaterial for ScaleField<'_, C, B> {
         order
     }
 
-    fn rank_of(&self, element: usize) -> usize {
-        self.rank_of[element] as usize
+    fn rank_of(&self, point: usize) -> usize {
+        self.rank_of[point] as usize
     }
 
     fn unit_states(&self) -> impl ExactSizeIterator<Item = UnitState> + '_ {
         let existing = self.sites.existing();
         let all: Vec<_> = existing
-            .filter_map(|(e, _)| Some((&self.reports.units[e].as_ref()?.state, self.sites.extrapolation_point(e))))
+            .filter_map(|(point, _)| {
+                Some((&self.reports.units[point].as_ref()?.state, self.sites.extrapolation_point(point)))
+            })
             .collect();
         all.into_iter().map(|(state, extrapolation_point)| UnitState {
             response: extrapolation_point.or(state.response),
@@ -295,21 +302,18 @@ impl<C: Comm, B: RealBackend> TissueMaterial for ScaleField<'_, C, B> {
 
     fn restore_units(&mut self, statuses: &[RveStatus], states: Vec<UnitState>) -> Result<(), FieldRestoreError> {
         check_states(&self.sites, &self.library, statuses, &states)?;
-        let before: HashSet<usize> = self.sites.existing().map(|(element, _)| element).collect();
+        let before: HashSet<usize> = self.sites.existing().map(|(point, _)| point).collect();
         self.sites.restore(statuses, |_| None);
         let existing: Vec<(usize, usize)> = self.sites.existing().collect();
-        let responses: HashMap<usize, _> = existing
-            .iter()
-            .zip(&states)
-            .filter_map(|(&(element, _), state)| Some((element, state.response?)))
-            .collect();
-        self.sites.restore(statuses, |element| responses.get(&element).copied());
-        let now: HashSet<usize> = existing.iter().map(|&(element, _)| element).collect();
-        let mut deleted: Vec<u64> = before.difference(&now).map(|&element| element as u64).collect();
+        let responses: HashMap<usize, _> =
+            existing.iter().zip(&states).filter_map(|(&(point, _), state)| Some((point, state.response?))).collect();
+        self.sites.restore(statuses, |point| responses.get(&point).copied());
+        let now: HashSet<usize> = existing.iter().map(|&(point, _)| point).collect();
+        let mut deleted: Vec<u64> = before.difference(&now).map(|&point| point as u64).collect();
         deleted.sort_unstable();
-        let created = existing.iter().filter(|(element, _)| !before.contains(element));
-        let created = created.map(|&(element, region)| [element as u64, region as u64]).collect();
-        let states = existing.iter().zip(states).map(|(&(element, _), state)| (element as u64, state)).collect();
+        let created = existing.iter().filter(|(point, _)| !before.contains(point));
+        let created = created.map(|&(point, region)| self.new_rve(point, region)).collect();
+        let states = existing.iter().zip(states).map(|(&(point, _), state)| (point as u64, state)).collect();
         let updated = self.exchange_update(&RveUpdate { deleted, created });
         let restored = updated.and_then(|()| self.micro.broadcast(&Command::Restore(states)));
         self.record_error(restored).map_err(|error| FieldRestoreError::Ranks(error.to_string()))

@@ -38,7 +38,7 @@ pub(super) struct MicroProxy<'a, C: Comm> {
     pub shard_of: Vec<u32>,
     /// The RVEs of the shard of this rank; `None` before the scales are coupled.
     shard: Option<Shard<C>>,
-    /// Elements with RVEs, per rank of the macro scale.
+    /// Points with RVEs, per rank of the macro scale.
     units: Vec<Vec<u64>>,
     in_step: bool,
     /// Times per trial state and rank of the macro scale.
@@ -143,14 +143,14 @@ impl<'a, C: Comm> MicroProxy<'a, C> {
         self.broadcast(&Command::Units)?;
         let own = self.scales.comm().rank() as u32;
         let Self { shard: Some(shard), shard_of, .. } = self else { return Err(TwoScaleError::Protocol) };
-        shard.update_rves(update, |element| shard_of[element] == own)?;
+        shard.update_rves(update, |point| shard_of[point.element as usize] == own)?;
         // Keeps the order of the shard of each rank.
         let deleted: HashSet<u64> = update.deleted.iter().copied().collect();
         for units in &mut self.units {
             units.retain(|unit| !deleted.contains(unit));
         }
-        for &[element, _] in &update.created {
-            self.units[self.shard_of[element as usize] as usize].push(element);
+        for &(point, _, location) in &update.created {
+            self.units[self.shard_of[location.element as usize] as usize].push(point);
         }
         self.between.add_communication(self.since);
         self.restart_clock();
@@ -183,7 +183,7 @@ impl<'a, C: Comm> MicroProxy<'a, C> {
         self.broadcast(&command)?;
         times.add_communication(start);
         let Some(shard) = &mut self.shard else { return Err(TwoScaleError::Protocol) };
-        let mut responses = shard.exchange(|_, element| task_of(element), &mut times)?.to_vec();
+        let mut responses = shard.exchange(|_, point| task_of(point), &mut times)?.to_vec();
         let (start, mut waited) = (Instant::now(), Duration::ZERO);
         let mut receive = |rank: usize| {
             let start = Instant::now();
@@ -213,11 +213,11 @@ impl<'a, C: Comm> MicroProxy<'a, C> {
         Ok(responses)
     }
 
-    /// Asks why RVEs found no equilibrium; returns the failure of the lowest element.
+    /// Asks why RVEs found no equilibrium; returns the failure of the lowest point.
     pub fn explain(&mut self) -> Result<RveFailure, TwoScaleError> {
         self.broadcast(&Command::Explain)?;
         let failed: Vec<Option<RveFailure>> = self.gather(&mut RankTimes::default())?;
-        failed.into_iter().flatten().min_by_key(|failed| failed.failure.element).ok_or(TwoScaleError::Protocol)
+        failed.into_iter().flatten().min_by_key(|failed| failed.failure.point).ok_or(TwoScaleError::Protocol)
     }
 
     /// Ends a step on the micro scale. Returns the report of each of its ranks, and the times of all ranks of both

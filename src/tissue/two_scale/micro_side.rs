@@ -13,7 +13,7 @@ use crate::coupling::Scales;
 use crate::las::{Backend, Comm, Message, RealBackend};
 use crate::tissue::materials::ElementSelection;
 use crate::tissue::micro_scale::{
-    DeformedNetwork, ElementMaterial, Library, PointFailure, SerializeIter, UnitState, Units,
+    DeformedNetwork, Library, PointFailure, PointMaterial, SerializeIter, UnitState, Units,
 };
 
 /// The main function of the micro scale on one rank; the macro scale receives the deformed networks of the elements in
@@ -113,13 +113,13 @@ impl<C: Comm, B: RealBackend> MicroSide<'_, C, B> {
         let deleted = before.into_iter().filter(|unit| !kept.contains(unit)).map(|unit| unit as usize).collect();
         self.units.remove(&deleted);
         let delta = self.channels.to_micro.reconcile_added()?;
-        let mut new_rves = vec![NewRve { region: 0 }; delta.units().len()];
+        let mut new_rves = vec![NewRve { region: 0, location: [0; 3] }; delta.units().len()];
         self.channels.new_rves.receive(&delta, &mut new_rves)?;
-        for (&element, NewRve { region }) in delta.units().iter().zip(new_rves) {
-            let element = element as usize;
-            let material = self.units.library().of_element(region as usize, element);
-            if let ElementMaterial::Rve { model, matrix, .. } = material {
-                self.units.add(element, model, matrix);
+        for (&point, new_rve) in delta.units().iter().zip(new_rves) {
+            let point = point as usize;
+            let material = self.units.library().of_point(new_rve.region as usize, point);
+            if let PointMaterial::Rve { model, matrix, .. } = material {
+                self.units.add((point, new_rve.location()), model, matrix);
             }
         }
         self.channels.to_macro = self.channels.to_micro.inverse();
@@ -142,8 +142,8 @@ impl<C: Comm, B: RealBackend> MicroSide<'_, C, B> {
         };
         let solved = Instant::now();
         let is_replaced = |number: usize| replaced.binary_search(&number).is_ok();
-        let responses = self.units.responses().enumerate().map(|(number, (element, response))| {
-            RveResponse::new(element, response.filter(|_| failed.is_none()), is_replaced(number))
+        let responses = self.units.responses().enumerate().map(|(number, (point, response))| {
+            RveResponse::new(point, response.filter(|_| failed.is_none()), is_replaced(number))
         });
         let responses: Vec<RveResponse> = responses.collect();
         self.failed = failed;
@@ -156,7 +156,7 @@ impl<C: Comm, B: RealBackend> MicroSide<'_, C, B> {
         Ok(())
     }
 
-    /// Sends the macro scale the failure of the lowest element with one on each rank of this scale.
+    /// Sends the macro scale the failure of the lowest point with one on each rank of this scale.
     fn explain(&mut self) -> Result<(), TwoScaleError> {
         let start = Instant::now();
         let failed = self.failed.take().map(|failure| {
@@ -190,7 +190,7 @@ impl<C: Comm, B: RealBackend> MicroSide<'_, C, B> {
         let summarized = Instant::now();
         let units = || {
             summaries.iter().enumerate().map(|(number, summary)| UnitReport {
-                element: self.units.elements()[number] as u64,
+                point: self.units.points()[number] as u64,
                 summary: summary.clone(),
                 state: self.units.state(number),
                 network: self.network_output(number),
@@ -211,7 +211,7 @@ impl<C: Comm, B: RealBackend> MicroSide<'_, C, B> {
 
     /// The deformed network of a unit, if it is part of the output.
     fn network_output(&self, number: usize) -> Option<DeformedNetwork> {
-        let is_output = self.output.contains(self.units.elements()[number]);
+        let is_output = self.output.contains(self.units.location(number).element as usize);
         is_output.then(|| self.units.deformed_network(number)).flatten()
     }
 
@@ -223,7 +223,7 @@ impl<C: Comm, B: RealBackend> MicroSide<'_, C, B> {
 
     fn restore(&mut self, states: Vec<(u64, UnitState)>) -> Result<(), TwoScaleError> {
         let mut states: HashMap<u64, UnitState> = states.into_iter().collect();
-        let own = self.units.elements().iter().filter_map(|&element| states.remove(&(element as u64))).collect();
+        let own = self.units.points().iter().filter_map(|&point| states.remove(&(point as u64))).collect();
         self.units.restore(own).map_err(|error| TwoScaleError::State(error.to_string()))
     }
 }

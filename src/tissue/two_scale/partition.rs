@@ -14,7 +14,7 @@ pub fn partition(mesh: &Mesh, shards: usize) -> Vec<u32> {
     if let Some(shard_of) = by_metis(mesh, shards) {
         return shard_of;
     }
-    let centers: Vec<[f64; 3]> = mesh.elements().iter().map(|nodes| center(mesh, nodes)).collect();
+    let centers: Vec<[f64; 3]> = (0..elements).map(|element| mesh.center(element)).collect();
     let mut shard_of = vec![0; elements];
     let mut all: Vec<u32> = (0..elements as u32).collect();
     bisect(&centers, &mut all, 0, shards, &mut shard_of);
@@ -28,14 +28,6 @@ fn by_metis(mesh: &Mesh, shards: usize) -> Option<Vec<u32>> {
     let mut counts = vec![0; shards];
     shard_of.iter().for_each(|&shard| counts[shard as usize] += 1);
     counts.iter().all(|&count| count > 0).then_some(shard_of)
-}
-
-fn center(mesh: &Mesh, nodes: &[u32; 4]) -> [f64; 3] {
-    let mut center = [0.0; 3];
-    for &node in nodes {
-        center.iter_mut().zip(mesh.nodes()[node as usize]).for_each(|(c, x)| *c += 0.25 * x);
-    }
-    center
 }
 
 /// Recursive bisection across the longest extent of the element centers, in proportion to the number of shards on each

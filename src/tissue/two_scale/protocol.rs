@@ -7,6 +7,7 @@ use postcard::ser_flavors::Flavor;
 use serde::{Deserialize, Serialize};
 
 use crate::fem::material::Response;
+use crate::fem::mesh::IntegrationPoint;
 use crate::las::Message;
 use crate::tissue::micro_scale::{DeformedNetwork, PointFailure, PointSummary, RveStats, UnitState};
 
@@ -18,8 +19,10 @@ pub const MICRO: &str = "micro";
 crate::payload! {
     /// The data that creates an RVE.
     pub struct NewRve {
-        /// The region of the case that its element belongs to.
+        /// The region of the case that its point belongs to.
         pub region: u64,
+        /// Its element, the position of its point in the element, and the number of points of the element.
+        pub location: [u64; 3],
     }
 }
 
@@ -36,8 +39,8 @@ crate::payload! {
 crate::payload! {
     /// The response of an RVE; matrices column by column.
     pub struct RveResponse {
-        /// Its element, from 0.
-        pub element: u64,
+        /// Its point, from 0.
+        pub point: u64,
         /// An [`Outcome`] as a number.
         pub outcome: u64,
         /// Energy per reference volume, J/m^3.
@@ -46,6 +49,20 @@ crate::payload! {
         pub pk1: [f64; 9],
         /// Derivative of `pk1` with respect to the deformation gradient, Pa.
         pub tangent: [f64; 81],
+    }
+}
+
+impl NewRve {
+    /// Creates an RVE of a region at a point.
+    pub fn new(region: usize, point: IntegrationPoint) -> Self {
+        let IntegrationPoint { element, point, points } = point;
+        Self { region: region as u64, location: [element.into(), point.into(), points.into()] }
+    }
+
+    /// Returns its point.
+    pub fn location(&self) -> IntegrationPoint {
+        let [element, point, points] = self.location;
+        IntegrationPoint { element: element as u32, point: point as u16, points: points as u16 }
     }
 }
 
@@ -86,10 +103,10 @@ impl RveTask {
 }
 
 impl RveResponse {
-    /// Packs the response of the RVE of an element; `None` stands for a failure.
-    pub fn new(element: usize, response: Option<&Response>, is_replaced: bool) -> Self {
+    /// Packs the response of the RVE of a point; `None` stands for a failure.
+    pub fn new(point: usize, response: Option<&Response>, is_replaced: bool) -> Self {
         let outcome = Outcome::Failed as u64;
-        let mut packed = Self { element: element as u64, outcome, energy: 0.0, pk1: [0.0; 9], tangent: [0.0; 81] };
+        let mut packed = Self { point: point as u64, outcome, energy: 0.0, pk1: [0.0; 9], tangent: [0.0; 81] };
         if let Some(response) = response {
             packed.outcome = if is_replaced { Outcome::Replaced } else { Outcome::Solved } as u64;
             packed.energy = response.energy;
@@ -124,7 +141,7 @@ pub enum Command {
     Commit,
     /// Revert to the last committed state: the step has failed.
     Revert,
-    /// Set all RVEs to saved states: their elements, ascending, and states.
+    /// Set all RVEs to saved states: their points, ascending, and states.
     Restore(Vec<(u64, UnitState)>),
     /// End: all steps are done.
     Complete,
@@ -146,8 +163,8 @@ pub struct RankReport<U = Vec<UnitReport>> {
 /// The state of an RVE after a step.
 #[derive(Serialize, Deserialize)]
 pub struct UnitReport {
-    /// Its element, from 0.
-    pub element: u64,
+    /// Its point, from 0.
+    pub point: u64,
     /// Its fiber orientation and stretches for the result files.
     pub summary: Option<PointSummary>,
     /// Its committed state.
@@ -159,7 +176,7 @@ pub struct UnitReport {
 /// An RVE that found no equilibrium.
 #[derive(Serialize, Deserialize)]
 pub struct RveFailure {
-    /// The error message, with element and network.
+    /// The error message, with point and network.
     pub failure: PointFailure,
     /// The number of its model, its start state, and the requested gradient, column by column; `None` if no network
     /// failed.

@@ -9,6 +9,7 @@ use super::TwoScaleError;
 use super::channels::Channels;
 use super::protocol::{NewRve, RankTimes, RveResponse, RveTask};
 use crate::coupling::{EvenPartition, Scales, UnitId};
+use crate::fem::mesh::IntegrationPoint;
 use crate::las::Comm;
 
 /// The RVEs of one shard of the body.
@@ -21,10 +22,10 @@ pub(super) struct Shard<C: Comm> {
 /// Changes of the RVEs of the whole body.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct RveUpdate {
-    /// The elements whose RVEs are deleted.
+    /// The points whose RVEs are deleted.
     pub deleted: Vec<UnitId>,
-    /// The elements with new RVEs, and their regions.
-    pub created: Vec<[u64; 2]>,
+    /// The new RVEs: their points, their regions, and the positions of their points.
+    pub created: Vec<(UnitId, usize, IntegrationPoint)>,
 }
 
 impl<C: Comm> Shard<C> {
@@ -33,19 +34,23 @@ impl<C: Comm> Shard<C> {
         Ok(Self { channels: Channels::new(scales)?, tasks: Vec::new(), responses: Vec::new() })
     }
 
-    /// The elements with an RVE, in the order of the exchange.
-    pub fn elements(&self) -> &[UnitId] {
+    /// The points with an RVE, in the order of the exchange.
+    pub fn points(&self) -> &[UnitId] {
         self.channels.to_micro.units()
     }
 
     /// Deletes and creates RVEs of this shard. Collective over both scales.
-    pub fn update_rves(&mut self, update: &RveUpdate, is_own: impl Fn(usize) -> bool) -> Result<(), TwoScaleError> {
+    pub fn update_rves(
+        &mut self,
+        update: &RveUpdate,
+        is_own: impl Fn(IntegrationPoint) -> bool,
+    ) -> Result<(), TwoScaleError> {
         let existing: HashSet<UnitId> = self.channels.to_micro.units().iter().copied().collect();
         let deleted: Vec<UnitId> = update.deleted.iter().copied().filter(|unit| existing.contains(unit)).collect();
         self.channels.to_micro.remove(&deleted)?;
-        let created = update.created.iter().filter(|[element, _]| is_own(*element as usize));
+        let created = update.created.iter().filter(|(_, _, location)| is_own(*location));
         let (units, new_rves): (Vec<UnitId>, Vec<NewRve>) =
-            created.map(|&[element, region]| (element, NewRve { region })).unzip();
+            created.map(|&(point, region, location)| (point, NewRve::new(region, location))).unzip();
         let delta = self.channels.to_micro.add(&units, &[], &EvenPartition)?;
         self.channels.new_rves.send(&delta, &new_rves)?;
         self.channels.to_macro = self.channels.to_micro.inverse();
@@ -53,7 +58,7 @@ impl<C: Comm> Shard<C> {
     }
 
     /// Sends a task to every RVE and waits for the responses. `task` returns the task for an index into
-    /// [`Shard::elements`] and the element there.
+    /// [`Shard::points`] and the point there.
     pub fn exchange(
         &mut self,
         task: impl Fn(usize, UnitId) -> RveTask,
@@ -62,7 +67,7 @@ impl<C: Comm> Shard<C> {
         let start = Instant::now();
         let units = self.channels.to_micro.units();
         self.tasks.clear();
-        self.tasks.extend(units.iter().enumerate().map(|(number, &element)| task(number, element)));
+        self.tasks.extend(units.iter().enumerate().map(|(number, &point)| task(number, point)));
         self.responses.resize(units.len(), RveResponse::new(0, None, false));
         self.channels.tasks.send(&self.channels.to_micro, &self.tasks)?;
         let before = self.channels.responses.waited();

@@ -10,6 +10,7 @@ use super::skin::{BoundaryMesh, lines, normal};
 use super::view::View;
 use super::{Colors, Scene};
 use crate::app::report::svg::{Svg, hex};
+use crate::fem::mesh::Elements;
 
 /// Cosine of the crease angle (35 degrees): faces that meet at a larger angle form a crease.
 const CREASE: f64 = 0.82;
@@ -42,7 +43,8 @@ pub(super) fn faces(svg: &mut Svg, scene: &Scene, colors: Option<&Colors>) {
     let visible = visible(skin, current, view);
     let creases = creases(skin, current, &visible);
     let depth = |face: usize| -> f64 {
-        skin.faces[face].points.iter().map(|&point| view.toward.dot(&current[point as usize])).sum()
+        let points = &skin.faces[face].points;
+        points.iter().map(|&point| view.toward.dot(&current[point as usize])).sum::<f64>() / points.len() as f64
     };
     let mut order: Vec<(f64, usize)> =
         (0..skin.faces.len()).filter(|&face| visible[face]).map(|face| (depth(face), face)).collect();
@@ -56,10 +58,10 @@ pub(super) fn faces(svg: &mut Svg, scene: &Scene, colors: Option<&Colors>) {
         let face = &skin.faces[k];
         let plain = colors.map_or([176, 190, 197], |colors| colors.of(face.element));
         let color = hex(shade(plain, view.light(&normal(face, current))));
-        let corners = face.points.map(|point| place(&point));
+        let corners: Vec<[f64; 2]> = face.points.iter().map(place).collect();
         // The light edges of very small faces would wash out the colors.
         let rim =
-            if height(corners) < SMALL { format!(" stroke=\"{color}\" stroke-opacity=\"1\"") } else { String::new() };
+            if height(&corners) < SMALL { format!(" stroke=\"{color}\" stroke-opacity=\"1\"") } else { String::new() };
         svg.path(&corners, true, &format!("fill=\"{color}\"{rim}"));
         if let Some(creases) = creases.get(&k) {
             let rim: Vec<_> = creases.iter().map(|edge| edge.map(|point| place(&point))).collect();
@@ -69,12 +71,13 @@ pub(super) fn faces(svg: &mut Svg, scene: &Scene, colors: Option<&Colors>) {
     svg.close();
 }
 
-/// Returns the smallest height of a triangle.
-fn height([a, b, c]: [[f64; 2]; 3]) -> f64 {
-    let edge = |from: [f64; 2], to: [f64; 2]| [to[0] - from[0], to[1] - from[1]];
-    let (ab, ac, bc) = (edge(a, b), edge(a, c), edge(b, c));
-    let longest = [ab, ac, bc].map(|[x, y]| x.hypot(y)).into_iter().fold(f64::MIN_POSITIVE, f64::max);
-    (ab[0] * ac[1] - ab[1] * ac[0]).abs() / longest
+/// Returns twice the area of a polygon divided by its longest side or diagonal; the smallest height of a triangle.
+fn height(corners: &[[f64; 2]]) -> f64 {
+    let to = |k: usize| [corners[k][0] - corners[0][0], corners[k][1] - corners[0][1]];
+    let areas = (1..corners.len() - 1).map(|k| to(k)[0] * to(k + 1)[1] - to(k)[1] * to(k + 1)[0]);
+    let pairs = corners.iter().enumerate().flat_map(|(k, a)| corners[k + 1..].iter().map(move |b| (a, b)));
+    let longest = pairs.map(|(a, b)| (b[0] - a[0]).hypot(b[1] - a[1])).fold(f64::MIN_POSITIVE, f64::max);
+    areas.sum::<f64>().abs() / longest
 }
 
 /// Returns the edges to be drawn with each visible face, by the number of the face: silhouette edges and creases.
@@ -123,7 +126,7 @@ pub(super) const OUTLINE: &str = "fill=\"none\" stroke=\"#37474f\" stroke-width=
 pub(super) fn fiber_lines(
     scene: &Scene,
     elements: &[usize],
-    mesh: &[[u32; 4]],
+    mesh: &Elements,
     directions: &[[f64; 3]],
     alignment: Option<&[f64]>,
 ) -> Vec<[[f64; 2]; 2]> {
@@ -140,9 +143,9 @@ pub(super) fn fiber_lines(
     let mut taken: HashMap<[i64; 2], ()> = HashMap::new();
     let mut drawn = Vec::new();
     for &element in elements {
-        let (Some(nodes), Some(direction)) = (mesh.get(element), directions.get(element)) else { continue };
+        let (Some((_, nodes)), Some(direction)) = (mesh.get(element), directions.get(element)) else { continue };
         let Some(direction) = Vector3::from(*direction).try_normalize(1e-12) else { continue };
-        let middle = nodes.iter().map(|&node| scene.current[node as usize]).sum::<Vector3<f64>>() / 4.0;
+        let middle = nodes.iter().map(|&node| scene.current[node as usize]).sum::<Vector3<f64>>() / nodes.len() as f64;
         let [x, y] = scene.frame.page_position(scene.view.project(&middle));
         let cell = [x, y].map(|place| (place / FIBER_SPACING).floor() as i64);
         if taken.insert(cell, ()).is_some() {

@@ -188,7 +188,7 @@ impl Scene {
     /// Fits the deformed and the undeformed body into a rectangle of the page (left, top, width, height).
     fn fit(&mut self, room: [f64; 4]) {
         // Only boundary points: a mesh file may have points that no element uses.
-        let rim = self.skin.faces.iter().flat_map(|face| face.points).map(|point| point as usize);
+        let rim = self.skin.faces.iter().flat_map(|face| &face.points).map(|&point| point as usize);
         let both = rim.flat_map(|point| [&self.reference[point], &self.current[point]]);
         self.frame = Frame::fit(both.map(|point| self.view.project(point)), room);
     }
@@ -214,7 +214,7 @@ mod tests {
         let energy = (0..elements.len()).map(|element| element as f64).collect();
         Fields {
             points,
-            elements,
+            elements: elements.into(),
             point_vectors: vec![("displacement".into(), displacement)],
             cell_scalars: vec![("energy_density".into(), energy)],
             ..Fields::default()
@@ -234,8 +234,8 @@ mod tests {
         let depth = |point: Vector3<f64>| scene.view.project(&point)[2];
         let middle = depth(scene.current.iter().sum::<Vector3<f64>>() / 27.0);
         for element in body::visible_elements(&scene) {
-            let nearest = fields.elements[element].map(|node| depth(scene.current[node as usize]));
-            assert!(nearest.into_iter().fold(f64::MIN, f64::max) > middle, "element {element}");
+            let nearest = fields.elements[element].iter().map(|&node| depth(scene.current[node as usize]));
+            assert!(nearest.fold(f64::MIN, f64::max) > middle, "element {element}");
         }
     }
 

@@ -44,7 +44,7 @@ impl Quantity {
         } else {
             let values = fields.point_vector(name)?;
             let at = |node: &u32| values.get(*node as usize).map_or(0.0, length);
-            fields.elements.iter().map(|nodes| nodes.iter().map(at).sum::<f64>() / 4.0).collect()
+            fields.elements.iter().map(|nodes| nodes.iter().map(at).sum::<f64>() / nodes.len() as f64).collect()
         };
         let (label, unit) = describe(name);
         Some(Self { label, unit, values })

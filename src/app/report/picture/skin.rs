@@ -1,14 +1,17 @@
-//! The boundary of a mesh of tetrahedra: faces, their neighbors, and edges joined to polylines.
+//! The boundary of a mesh: faces, their neighbors, and edges joined to polylines.
 
 use std::collections::HashMap;
 
 use nalgebra::Vector3;
 
+use crate::fem::element::{CellType, FaceNodes};
+use crate::fem::mesh::Elements;
+
 /// A boundary face.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Face {
-    /// The points of the face, counterclockwise when seen from outside.
-    pub(super) points: [u32; 3],
+    /// The points on the edges of the face, counterclockwise when seen from outside.
+    pub(super) points: Vec<u32>,
     /// The element behind the face.
     pub(super) element: usize,
 }
@@ -31,19 +34,21 @@ pub(super) struct BoundaryMesh {
 
 impl BoundaryMesh {
     /// Finds the faces that belong to only one element.
-    pub(super) fn of(elements: &[[u32; 4]]) -> Self {
-        let mut owners: HashMap<[u32; 3], (usize, Face)> = HashMap::new();
-        for (element, &[a, b, c, d]) in elements.iter().enumerate() {
-            for points in [[a, c, b], [a, b, d], [b, c, d], [a, d, c]] {
-                let mut key = points;
+    pub(super) fn of(elements: &Elements) -> Self {
+        let mut owners: HashMap<[u32; 4], (usize, Face)> = HashMap::new();
+        for (element, (element_type, nodes)) in elements.typed().enumerate() {
+            for FaceNodes { face_type, nodes: local } in element_type.faces() {
+                let mut key = [u32::MAX; 4];
+                key.iter_mut().zip(&local[..face_type.corners()]).for_each(|(slot, &node)| *slot = nodes[node]);
                 key.sort_unstable();
+                let points = face_type.outline().iter().map(|&node| nodes[local[node]]).collect();
                 owners.entry(key).or_insert((0, Face { points, element })).0 += 1;
             }
         }
         let mut faces: Vec<Face> =
             owners.into_values().filter(|(count, _)| *count == 1).map(|(_, face)| face).collect();
         // A hash map has no defined order, but the same results must give the same file.
-        faces.sort_unstable_by_key(|face| (face.element, face.points));
+        faces.sort_unstable_by(|a, b| (a.element, &a.points).cmp(&(b.element, &b.points)));
         let edges = edges(&faces);
         Self { faces, edges }
     }
@@ -53,8 +58,8 @@ impl BoundaryMesh {
 fn edges(faces: &[Face]) -> Vec<Edge> {
     let mut first: HashMap<[u32; 2], usize> = HashMap::new();
     let mut edges = Vec::new();
-    for (k, Face { points: [a, b, c], .. }) in faces.iter().enumerate() {
-        for (from, to) in [(a, b), (b, c), (c, a)] {
+    for (k, Face { points, .. }) in faces.iter().enumerate() {
+        for (from, to) in points.iter().zip(points.iter().cycle().skip(1)) {
             let points = [*from.min(to), *from.max(to)];
             match first.remove(&points) {
                 Some(other) => edges.push(Edge { points, faces: [other, k] }),
@@ -69,8 +74,8 @@ fn edges(faces: &[Face]) -> Vec<Edge> {
 
 /// Returns the outward normal of a face, scaled by twice its area.
 pub(super) fn normal(face: &Face, points: &[Vector3<f64>]) -> Vector3<f64> {
-    let [a, b, c] = face.points.map(|point| points[point as usize]);
-    (b - a).cross(&(c - a))
+    let at = |k: usize| points[face.points[k] as usize];
+    (1..face.points.len() - 1).map(|k| (at(k) - at(0)).cross(&(at(k + 1) - at(0)))).sum()
 }
 
 /// Joins edges that meet into polylines, each drawn in one stroke.
@@ -107,10 +112,10 @@ pub(super) fn lines(edges: &[[u32; 2]]) -> Vec<Vec<u32>> {
 mod tests {
     use super::*;
 
-    fn cube() -> (Vec<Vector3<f64>>, Vec<[u32; 4]>) {
+    fn cube() -> (Vec<Vector3<f64>>, Elements) {
         let points = (0..8).map(|k| Vector3::new((k & 1) as f64, (k >> 1 & 1) as f64, (k >> 2) as f64)).collect();
         let elements = vec![[0, 1, 3, 7], [0, 3, 2, 7], [0, 2, 6, 7], [0, 6, 4, 7], [0, 4, 5, 7], [0, 5, 1, 7]];
-        (points, elements)
+        (points, elements.into())
     }
 
     #[test]

@@ -8,19 +8,22 @@ use super::cursor::DAMAGED;
 use super::explain::ParsedFile;
 use super::numbering::Numbering;
 use super::raw::{Cell, Raw};
+use crate::fem::element::{CellType, FaceType};
 use crate::fem::mesh::measure::signed_volume;
-use crate::fem::mesh::{Mesh, MeshError, Surface};
+use crate::fem::mesh::{Elements, Mesh, MeshError, Surface};
 use crate::input::InputError;
 
 /// Assembles the mesh.
 pub(super) fn assemble(mut raw: Raw, path: &Path) -> Result<MeshFile, InputError> {
     let mut warnings = std::mem::take(&mut raw.warnings);
+    raw.group_by_type();
     let source = ParsedFile { raw: &raw, path };
     source.check_not_empty()?;
     let numbering = source.numbering()?;
     let (elements, reversed) = source.elements(&numbering)?;
     if reversed > 0 {
-        warnings.push(format!("{reversed} tetrahedra had a negative volume and have been reversed"));
+        let [_, noun] = raw.volume_nouns();
+        warnings.push(format!("{reversed} {noun} had a negative volume and have been reversed"));
     }
     let (regions, region_of) = source.regions()?;
     let groups = source.surfaces(&numbering)?;
@@ -29,7 +32,7 @@ pub(super) fn assemble(mut raw: Raw, path: &Path) -> Result<MeshFile, InputError
     let mut parts = Parts { nodes: raw.nodes.iter().map(|node| node.position).collect(), elements, groups };
     let dropped = parts.drop_unused_nodes().map_err(|error| source.explain(&error, &parts.groups))?;
     if dropped > 0 {
-        warnings.push(format!("{dropped} nodes belong to no tetrahedron and are left out"));
+        warnings.push(format!("{dropped} nodes belong to no element and are left out"));
     }
     let coincident = coincident(&parts.nodes);
     if coincident > 0 {
@@ -38,29 +41,29 @@ pub(super) fn assemble(mut raw: Raw, path: &Path) -> Result<MeshFile, InputError
         ));
     }
     let surfaces = parts.groups.iter().map(|(name, group)| {
-        let triangles = group.iter().map(|(triangle, _)| *triangle).collect();
-        Surface { name: name.clone(), triangles }
+        let faces = group.iter().map(|(face_type, nodes, _)| (*face_type, nodes.as_slice())).collect();
+        Surface { name: name.clone(), faces }
     });
     let mesh = Mesh::new(parts.nodes, parts.elements, region_of, regions, surfaces.collect())
         .map_err(|error| source.explain(&error, &parts.groups))?;
     Ok(MeshFile { mesh, warnings })
 }
 
-/// The nodes of triangles, each with the index of its cell in [`Raw::triangles`].
-pub(super) type Triangles = Vec<([u32; 3], usize)>;
+/// Types and nodes of faces, each with the index of its cell in [`Raw::faces`].
+pub(super) type GroupFaces = Vec<(FaceType, Vec<u32>, usize)>;
 
 /// The parts of a mesh before unused nodes are removed.
 struct Parts {
     nodes: Vec<[f64; 3]>,
-    elements: Vec<[u32; 4]>,
-    groups: Vec<(String, Triangles)>,
+    elements: Elements,
+    groups: Vec<(String, GroupFaces)>,
 }
 
 impl Parts {
     /// Removes the nodes without elements, renumbers the others, and returns the number of removed nodes.
     ///
     /// # Errors
-    /// Returns [`MeshError::NotAFace`] if a triangle contains a node without elements.
+    /// Returns [`MeshError::NotAFace`] if a face contains a node without elements.
     fn drop_unused_nodes(&mut self) -> Result<usize, MeshError> {
         const UNUSED: u32 = u32::MAX;
         let mut index = vec![UNUSED; self.nodes.len()];
@@ -68,9 +71,10 @@ impl Parts {
             index[node as usize] = 0;
         }
         for (surface, group) in &self.groups {
-            let loose = |(nodes, _): &([u32; 3], usize)| nodes.iter().any(|&node| index[node as usize] == UNUSED);
-            if let Some(triangle) = group.iter().position(loose) {
-                return Err(MeshError::NotAFace { surface: surface.clone(), triangle, nodes: group[triangle].0 });
+            let is_loose = |(_, nodes, _): &(_, Vec<u32>, _)| nodes.iter().any(|&node| index[node as usize] == UNUSED);
+            if let Some(face) = group.iter().position(is_loose) {
+                let nodes = group[face].1.clone();
+                return Err(MeshError::NotAFace { surface: surface.clone(), face, nodes });
             }
         }
         for (index, next) in index.iter_mut().filter(|index| **index != UNUSED).zip(0..) {
@@ -79,10 +83,9 @@ impl Parts {
         let before = self.nodes.len();
         let mut used = index.iter().map(|&index| index != UNUSED);
         self.nodes.retain(|_| used.next().unwrap_or(true));
-        let triangles = self.groups.iter_mut().flat_map(|(_, group)| group.iter_mut().flat_map(|(nodes, _)| nodes));
-        for node in self.elements.iter_mut().flatten().chain(triangles) {
-            *node = index[*node as usize];
-        }
+        self.elements = self.elements.map(|node| index[node as usize]);
+        let faces = self.groups.iter_mut().flat_map(|(_, group)| group);
+        faces.flat_map(|(_, nodes, _)| nodes).for_each(|node| *node = index[*node as usize]);
         Ok(before - self.nodes.len())
     }
 }
@@ -96,7 +99,7 @@ fn coincident(nodes: &[[f64; 3]]) -> usize {
 }
 
 impl ParsedFile<'_> {
-    /// Checks that the file has nodes and tetrahedra.
+    /// Checks that the file has nodes and elements with a volume.
     fn check_not_empty(&self) -> Result<(), InputError> {
         for section in ["Nodes", "Elements"] {
             if !self.raw.has(section) {
@@ -104,14 +107,14 @@ impl ParsedFile<'_> {
                 return Err(self.error(0, problem, "a file with $Nodes and $Elements", DAMAGED));
             }
         }
-        if self.raw.tetrahedra.is_empty() {
-            let problem = match self.raw.triangles.len() {
-                0 => "the mesh has no tetrahedra".to_owned(),
-                triangles => format!("the mesh has no tetrahedra, only {triangles} triangles"),
+        if self.raw.volumes.is_empty() {
+            let problem = match self.raw.faces.len() {
+                0 => "the mesh has no elements with a volume".to_owned(),
+                faces => format!("the mesh has no elements with a volume, only {faces} faces"),
             };
             let cure = "mesh the volume (in Gmsh: Mesh, 3D), put it in a physical group (Gmsh saves nothing else if \
                         there are any groups), and export again";
-            return Err(self.error(0, problem, "a body of tetrahedra", cure));
+            return Err(self.error(0, problem, "a body of tetrahedra, hexahedra or wedges", cure));
         }
         Ok(())
     }
@@ -131,19 +134,15 @@ impl ParsedFile<'_> {
     }
 
     /// Resolves the node tags of a cell to indices.
-    fn resolve<const N: usize>(
-        &self,
-        numbering: &Numbering,
-        cell: &Cell<N>,
-        noun: &str,
-    ) -> Result<[u32; N], InputError> {
-        let mut nodes = [0; N];
-        for (k, (slot, &tag)) in nodes.iter_mut().zip(&cell.nodes).enumerate() {
-            *slot = numbering.index(tag).ok_or_else(|| {
+    fn resolve<T: CellType>(&self, numbering: &Numbering, cell: &Cell<T>, noun: &str) -> Result<Vec<u32>, InputError> {
+        let tags = self.raw.tags(cell);
+        let mut nodes = Vec::with_capacity(tags.len());
+        for (k, &tag) in tags.iter().enumerate() {
+            nodes.push(numbering.index(tag).ok_or_else(|| {
                 let problem = format!("{noun} {} refers to node {tag}, which is not in $Nodes", cell.tag);
                 self.error(cell.line, problem, "nodes of this file", DAMAGED)
-            })?;
-            if cell.nodes[..k].contains(&tag) {
+            })?);
+            if tags[..k].contains(&tag) {
                 let problem = format!("{noun} {} has node {tag} twice", cell.tag);
                 let cure = "remove the collapsed element or mesh again";
                 return Err(self.error(cell.line, problem, "different nodes", cure));
@@ -153,16 +152,17 @@ impl ParsedFile<'_> {
     }
 
     /// Returns the elements, all with nonnegative volume, and the number of elements that had to be reversed.
-    fn elements(&self, numbering: &Numbering) -> Result<(Vec<[u32; 4]>, usize), InputError> {
+    fn elements(&self, numbering: &Numbering) -> Result<(Elements, usize), InputError> {
         let mut reversed = 0;
-        let mut elements = Vec::with_capacity(self.raw.tetrahedra.len());
-        for cell in &self.raw.tetrahedra {
-            let mut nodes = self.resolve(numbering, cell, "tetrahedron")?;
-            if signed_volume(nodes.map(|node| self.raw.nodes[node as usize].position)) < 0.0 {
-                nodes.swap(2, 3);
+        let mut elements = Elements::default();
+        for cell in &self.raw.volumes {
+            let mut nodes = self.resolve(numbering, cell, cell.cell_type.nouns()[0])?;
+            let positions: Vec<_> = nodes.iter().map(|&node| self.raw.nodes[node as usize].position).collect();
+            if signed_volume(cell.cell_type, &positions) < 0.0 {
+                nodes = cell.cell_type.mirrored().iter().map(|&node| nodes[node]).collect();
                 reversed += 1;
             }
-            elements.push(nodes);
+            elements.push(cell.cell_type, &nodes);
         }
         Ok((elements, reversed))
     }
@@ -170,9 +170,9 @@ impl ParsedFile<'_> {
     /// Returns the regions, in the order of their physical numbers, and the region of each element.
     fn regions(&self) -> Result<(Vec<String>, Vec<u32>), InputError> {
         let mut names = GroupNames::default();
-        let mut of = Vec::with_capacity(self.raw.tetrahedra.len());
+        let mut of = Vec::with_capacity(self.raw.volumes.len());
         let mut without = 0;
-        for cell in &self.raw.tetrahedra {
+        for cell in &self.raw.volumes {
             match self.raw.groups(3, cell) {
                 [] => without += 1,
                 [first, others @ ..] => {
@@ -186,13 +186,14 @@ impl ParsedFile<'_> {
                 }
             }
         }
-        let total = self.raw.tetrahedra.len();
+        let total = self.raw.volumes.len();
         if without == total && !self.has_volume_groups() {
             return Ok((vec!["body".into()], vec![0; total]));
         }
         if without > 0 {
-            let problem = format!("{without} of {total} tetrahedra are in no physical volume group");
-            let expected = "every tetrahedron in one physical volume group (or no such group at all)";
+            let [_, noun] = self.raw.volume_nouns();
+            let problem = format!("{without} of {total} {noun} are in no physical volume group");
+            let expected = "every element in one physical volume group (or no such group at all)";
             let cure = "add the volumes left out to a physical group (and export with Mesh.SaveAll = 0: \
                  version 2.2 loses the groups otherwise), or remove all physical volume groups and their names";
             return Err(self.error(0, problem, expected, cure));
@@ -207,27 +208,27 @@ impl ParsedFile<'_> {
             || self.raw.entities.iter().any(|(&(dimension, _), groups)| dimension == 3 && !groups.is_empty())
     }
 
-    /// Returns the triangles of each physical surface group, in the order of their numbers.
-    fn surfaces(&self, numbering: &Numbering) -> Result<Vec<(String, Triangles)>, InputError> {
+    /// Returns the faces of each physical surface group, in the order of their numbers.
+    fn surfaces(&self, numbering: &Numbering) -> Result<Vec<(String, GroupFaces)>, InputError> {
         let mut names = GroupNames::default();
-        let mut surfaces: Vec<Triangles> = Vec::new();
-        for (index, cell) in self.raw.triangles.iter().enumerate() {
+        let mut surfaces: Vec<GroupFaces> = Vec::new();
+        for (index, cell) in self.raw.faces.iter().enumerate() {
             let groups = self.raw.groups(2, cell);
             if groups.is_empty() {
                 continue;
             }
-            let nodes = self.resolve(numbering, cell, "triangle")?;
+            let nodes = self.resolve(numbering, cell, cell.cell_type.nouns()[0])?;
             for &group in groups {
                 let name = names.index(self.raw, 2, group) as usize;
                 surfaces.resize_with(surfaces.len().max(name + 1), Vec::new);
                 // Two groups of the same name form one surface.
-                if surfaces[name].last().is_none_or(|&(_, last)| last != index) {
-                    surfaces[name].push((nodes, index));
+                if surfaces[name].last().is_none_or(|&(_, _, last)| last != index) {
+                    surfaces[name].push((cell.cell_type, nodes.clone(), index));
                 }
             }
         }
         let (order, names) = names.in_order();
-        let mut sorted: Vec<(String, Triangles)> = names.into_iter().map(|name| (name, Vec::new())).collect();
+        let mut sorted: Vec<(String, GroupFaces)> = names.into_iter().map(|name| (name, Vec::new())).collect();
         for (surface, index) in surfaces.into_iter().zip(order) {
             sorted[index as usize].1 = surface;
         }
@@ -235,7 +236,7 @@ impl ParsedFile<'_> {
     }
 
     /// Returns warnings about named physical groups without elements.
-    fn empty_groups(&self, regions: &[String], surfaces: &[(String, Triangles)]) -> Vec<String> {
+    fn empty_groups(&self, regions: &[String], surfaces: &[(String, GroupFaces)]) -> Vec<String> {
         let empty = self.raw.names.iter().filter(|&(&(dimension, _), name)| match dimension {
             2 => surfaces.iter().all(|(surface, _)| surface != name),
             3 => !regions.contains(name),

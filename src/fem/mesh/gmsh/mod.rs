@@ -2,8 +2,8 @@
 //!
 //! Physical groups of volumes become regions and physical groups of surfaces become surfaces; a group without a name is
 //! named by its number. A file without volume groups has one region, `body`. The reader ignores points, lines, and
-//! sections that do not describe the mesh. Other element types, and anything else that would silently change the
-//! results, cause an error with its position and a cure.
+//! sections that do not describe the mesh. Tetrahedra and hexahedra of order 1 and 2 and wedges of order 1 are supported; the mesh has them grouped by type. Other
+//! element types, and anything else that would silently change the results, cause an error with its position and a cure.
 //!
 //! The format is described in the [Gmsh reference manual](https://gmsh.info/doc/texinfo/gmsh.html#MSH-file-format).
 

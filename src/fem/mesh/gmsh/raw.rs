@@ -4,7 +4,8 @@ use std::collections::{BTreeMap, HashMap};
 
 use super::Version;
 use super::cursor::Cursor;
-use super::element_type::{ElementTreatment, treatment};
+use super::element_type::{ElementTreatment, GmshType, treatment};
+use crate::fem::element::{CellType, ElementType, FaceType};
 use crate::fem::mesh::check::is_name;
 use crate::input::{InputError, excerpt};
 
@@ -16,10 +17,12 @@ pub(super) struct RawNode {
     pub line: u32,
 }
 
-/// An element as stored in the file.
-pub(super) struct Cell<const N: usize> {
+/// An element as stored in the file, a volume or a face.
+pub(super) struct Cell<T> {
+    pub cell_type: T,
     pub tag: u64,
-    pub nodes: [u64; N],
+    /// The start of its nodes in [`Raw::node_tags`].
+    start: usize,
     /// Version 2: the physical group, 0 for none. Version 4: the entity that contains the element.
     pub group: i32,
     /// Line of the element; 0 in a binary file.
@@ -31,8 +34,10 @@ pub(super) struct Cell<const N: usize> {
 pub(super) struct Raw {
     pub version: Version,
     pub nodes: Vec<RawNode>,
-    pub tetrahedra: Vec<Cell<4>>,
-    pub triangles: Vec<Cell<3>>,
+    pub volumes: Vec<Cell<ElementType>>,
+    pub faces: Vec<Cell<FaceType>>,
+    /// The nodes of all cells, in the order of the crate.
+    pub node_tags: Vec<u64>,
     /// Names of physical groups by dimension and number.
     pub names: BTreeMap<(i32, i32), String>,
     /// The physical groups of an entity, by dimension and tag (version 4).
@@ -61,7 +66,7 @@ impl Raw {
     }
 
     /// Returns the physical groups of a cell of this dimension; empty if it has none.
-    pub fn groups<'a, const N: usize>(&'a self, dimension: i32, cell: &'a Cell<N>) -> &'a [i32] {
+    pub fn groups<'a, T>(&'a self, dimension: i32, cell: &'a Cell<T>) -> &'a [i32] {
         match self.version {
             Version::V2_2 if cell.group == 0 => &[],
             Version::V2_2 => std::slice::from_ref(&cell.group),
@@ -69,9 +74,26 @@ impl Raw {
         }
     }
 
+    /// Returns the node tags of a cell, in the order of the crate.
+    pub fn tags<T: CellType>(&self, cell: &Cell<T>) -> &[u64] {
+        &self.node_tags[cell.start..cell.start + cell.cell_type.nodes()]
+    }
+
+    /// Returns the nouns of the volumes in the file, singular and plural: `tetrahedron`, or `element` for several types.
+    pub fn volume_nouns(&self) -> [&'static str; 2] {
+        let mut nouns = self.volumes.iter().map(|cell| cell.cell_type.nouns());
+        nouns.next().filter(|first| nouns.all(|other| other == *first)).unwrap_or(["element", "elements"])
+    }
+
     /// Returns the name of a physical group, or its number if it has no name.
     pub fn group_name(&self, dimension: i32, number: i32) -> String {
         self.names.get(&(dimension, number)).cloned().unwrap_or_else(|| number.to_string())
+    }
+
+    /// Groups volumes and faces by their types; the order within a type does not change.
+    pub fn group_by_type(&mut self) {
+        self.volumes.sort_by_key(|cell| cell.cell_type);
+        self.faces.sort_by_key(|cell| cell.cell_type);
     }
 
     /// Reads `$PhysicalNames`, which is text in binary files too.
@@ -105,47 +127,67 @@ impl Raw {
         Ok(())
     }
 
-    /// Reads the nodes of an element and stores triangles and tetrahedra.
+    /// Reads the nodes of an element and stores faces and volumes.
     pub fn element(
         &mut self,
         cursor: &mut Cursor<'_>,
         (treatment, group, tag): (ElementTreatment, i32, u64),
     ) -> Result<(), InputError> {
-        let line = cursor.line();
-        let version = self.version;
-        let node = |cursor: &mut Cursor<'_>, expected| match version {
-            Version::V2_2 => cursor.small_size(expected),
-            Version::V4_1 => cursor.size(expected),
-        };
         match treatment {
             ElementTreatment::Ignored(count) => {
                 for _ in 0..count {
-                    node(cursor, "a node of a point or line")?;
+                    self.node(cursor, "a node of a point or line")?;
                 }
             }
-            ElementTreatment::Triangle => {
-                let mut nodes = [0; 3];
-                for slot in &mut nodes {
-                    *slot = node(cursor, "the three nodes of a triangle")?;
-                }
-                self.triangles.push(Cell { tag, nodes, group, line });
+            ElementTreatment::Face(face_type) => {
+                let cell = self.cell(cursor, face_type, group, tag)?;
+                self.faces.push(cell);
             }
-            ElementTreatment::Tetrahedron => {
-                let mut nodes = [0; 4];
-                for slot in &mut nodes {
-                    *slot = node(cursor, "the four nodes of a tetrahedron")?;
-                }
-                self.tetrahedra.push(Cell { tag, nodes, group, line });
+            ElementTreatment::Volume(element_type) => {
+                let cell = self.cell(cursor, element_type, group, tag)?;
+                self.volumes.push(cell);
             }
         }
         Ok(())
     }
+
+    fn node(&self, cursor: &mut Cursor<'_>, expected: &str) -> Result<u64, InputError> {
+        match self.version {
+            Version::V2_2 => cursor.small_size(expected),
+            Version::V4_1 => cursor.size(expected),
+        }
+    }
+
+    /// Reads the nodes of a cell.
+    fn cell<T: GmshType>(
+        &mut self,
+        cursor: &mut Cursor<'_>,
+        cell_type: T,
+        group: i32,
+        tag: u64,
+    ) -> Result<Cell<T>, InputError> {
+        let (line, start, count) = (cursor.line(), self.node_tags.len(), cell_type.nodes());
+        let mut tags = [0; MAX_NODES];
+        for slot in &mut tags[..count] {
+            *slot = self.node(cursor, cell_type.expected())?;
+        }
+        match cell_type.places() {
+            None => self.node_tags.extend_from_slice(&tags[..count]),
+            Some(places) => self.node_tags.extend(places.iter().map(|&place| tags[place])),
+        }
+        Ok(Cell { cell_type, tag, start, group, line })
+    }
 }
+
+/// Nodes of the element type with most nodes.
+const MAX_NODES: usize = 27;
 
 /// Returns the treatment of the element type just read.
 pub(super) fn element_treatment(cursor: &Cursor<'_>, number: i32) -> Result<ElementTreatment, InputError> {
     treatment(number).map_err(|(name, cure)| {
         let problem = format!("the mesh has {name}");
-        cursor.error(problem, "4-node tetrahedra and 3-node triangles (points and lines are ignored)", cure)
+        let expected = "tetrahedra and hexahedra of order 1 or 2, wedges of order 1, and their faces (points and lines \
+                        are ignored)";
+        cursor.error(problem, expected, cure)
     })
 }

@@ -107,8 +107,8 @@ pub(super) fn elements(cursor: &mut Cursor<'_>, raw: &mut Raw) -> Result<(), Inp
         let here = cursor.size(BLOCK)?;
         cursor.end_row()?;
         let (own, noun) = match treatment {
-            ElementTreatment::Tetrahedron => (3, "tetrahedra"),
-            ElementTreatment::Triangle => (2, "triangles"),
+            ElementTreatment::Volume(element_type) => (3, element_type.nouns()[1]),
+            ElementTreatment::Face(face_type) => (2, face_type.nouns()[1]),
             ElementTreatment::Ignored(_) => (dimension, ""),
         };
         if dimension != own {

@@ -3,6 +3,7 @@
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
+use super::element_type::GmshType;
 use crate::fem::mesh::{Mesh, measure};
 use crate::output;
 
@@ -55,9 +56,9 @@ pub fn write_with(path: &Path, mesh: &Mesh, options: WriteOptions) -> io::Result
 /// Returns the error of the writer, or [`io::ErrorKind::InvalidInput`] if the mesh is too large for the numbers of the
 /// format.
 pub fn to_writer(out: &mut impl Write, mesh: &Mesh, options: WriteOptions) -> io::Result<()> {
-    let triangles: usize = mesh.surfaces().iter().map(|surface| surface.triangles.len()).sum();
+    let faces: usize = mesh.surfaces().iter().map(|surface| surface.faces.len()).sum();
     // Tags are signed 32-bit integers in version 2 and in the entities of binary files.
-    for count in [mesh.nodes().len(), mesh.elements().len() + triangles, mesh.regions().len(), mesh.surfaces().len()] {
+    for count in [mesh.nodes().len(), mesh.elements().len() + faces, mesh.regions().len(), mesh.surfaces().len()] {
         if i32::try_from(count).is_err() {
             let problem = format!("{count} nodes, elements or groups are more than Gmsh's 32-bit numbers can address");
             return Err(io::Error::new(io::ErrorKind::InvalidInput, problem));
@@ -67,8 +68,8 @@ pub fn to_writer(out: &mut impl Write, mesh: &Mesh, options: WriteOptions) -> io
     sink.header(options.version)?;
     sink.names(mesh)?;
     match options.version {
-        Version::V2_2 => sink.version2(mesh, triangles),
-        Version::V4_1 => sink.version4(mesh, triangles),
+        Version::V2_2 => sink.version2(mesh, faces),
+        Version::V4_1 => sink.version4(mesh, faces),
     }
 }
 
@@ -106,7 +107,7 @@ impl<W: Write> Sink<'_, W> {
         writeln!(self.out, "$EndPhysicalNames")
     }
 
-    fn version2(&mut self, mesh: &Mesh, triangles: usize) -> io::Result<()> {
+    fn version2(&mut self, mesh: &Mesh, faces: usize) -> io::Result<()> {
         writeln!(self.out, "$Nodes\n{}", mesh.nodes().len())?;
         for (tag, node) in (1..).zip(mesh.nodes()) {
             self.int(tag)?;
@@ -114,17 +115,21 @@ impl<W: Write> Sink<'_, W> {
             self.end_row()?;
         }
         self.end("Nodes")?;
-        writeln!(self.out, "$Elements\n{}", triangles + mesh.elements().len())?;
+        writeln!(self.out, "$Elements\n{}", faces + mesh.elements().len())?;
         let mut tag = 1;
         for (group, surface) in (1..).zip(mesh.surfaces()) {
-            self.block2(2, surface.triangles.len())?;
-            for triangle in &surface.triangles {
-                self.cell2(&mut tag, 2, group, triangle)?;
+            for block in surface.faces.blocks() {
+                self.block2(block.cell_type().number(), block.len())?;
+                for face in block.iter() {
+                    self.cell2(&mut tag, block.cell_type(), group, face)?;
+                }
             }
         }
-        self.block2(4, mesh.elements().len())?;
-        for (element, &region) in mesh.elements().iter().zip(mesh.region_of()) {
-            self.cell2(&mut tag, 4, region as i32 + 1, element)?;
+        for block in mesh.elements().blocks() {
+            self.block2(block.cell_type().number(), block.len())?;
+            for (element, &region) in block.iter().zip(&mesh.region_of()[block.range()]) {
+                self.cell2(&mut tag, block.cell_type(), region as i32 + 1, element)?;
+            }
         }
         self.end("Elements")
     }
@@ -135,20 +140,20 @@ impl<W: Write> Sink<'_, W> {
     }
 
     /// Writes an element with its two tags, physical group and entity, which have the same number.
-    fn cell2(&mut self, tag: &mut i32, kind: i32, group: i32, nodes: &[u32]) -> io::Result<()> {
+    fn cell2(&mut self, tag: &mut i32, cell_type: impl GmshType, group: i32, nodes: &[u32]) -> io::Result<()> {
         self.int(*tag)?;
         if !self.binary {
-            self.ints(&[kind, 2])?;
+            self.ints(&[cell_type.number(), 2])?;
         }
         self.ints(&[group, group])?;
-        for &node in nodes {
+        for node in in_order_of_gmsh(cell_type, nodes) {
             self.int(node as i32 + 1)?;
         }
         *tag += 1;
         self.end_row()
     }
 
-    fn version4(&mut self, mesh: &Mesh, triangles: usize) -> io::Result<()> {
+    fn version4(&mut self, mesh: &Mesh, faces: usize) -> io::Result<()> {
         self.entities4(mesh)?;
         let count = mesh.nodes().len();
         writeln!(self.out, "$Nodes")?;
@@ -165,32 +170,38 @@ impl<W: Write> Sink<'_, W> {
         }
         self.end("Nodes")?;
         writeln!(self.out, "$Elements")?;
-        let count = triangles + mesh.elements().len();
-        // A block is a run of consecutive elements of one region, so the order of the elements is preserved.
-        let runs = mesh.region_of().chunk_by(|a, b| a == b);
-        self.sizes(&[mesh.surfaces().len() + runs.clone().count(), count, 1, count])?;
+        let count = faces + mesh.elements().len();
+        // A block is a run of consecutive elements of one type and region, so the order of the elements is preserved.
+        let blocks = mesh.elements().blocks();
+        let runs = blocks.iter().map(|block| mesh.region_of()[block.range()].chunk_by(|a, b| a == b));
+        let of_surfaces: usize = mesh.surfaces().iter().map(|surface| surface.faces.blocks().len()).sum();
+        self.sizes(&[of_surfaces + runs.clone().flatten().count(), count, 1, count])?;
         let mut tag = 1;
         for (entity, surface) in (1..).zip(mesh.surfaces()) {
-            self.ints(&[2, entity, 2])?;
-            self.sizes(&[surface.triangles.len()])?;
-            for triangle in &surface.triangles {
-                self.cell4(&mut tag, triangle)?;
+            for block in surface.faces.blocks() {
+                self.ints(&[2, entity, block.cell_type().number()])?;
+                self.sizes(&[block.len()])?;
+                for face in block.iter() {
+                    self.cell4(&mut tag, block.cell_type(), face)?;
+                }
             }
         }
-        let mut elements = mesh.elements().iter();
-        for run in runs {
-            self.ints(&[3, run[0] as i32 + 1, 4])?;
-            self.sizes(&[run.len()])?;
-            for element in elements.by_ref().take(run.len()) {
-                self.cell4(&mut tag, element)?;
+        for (block, runs) in blocks.iter().zip(runs) {
+            let mut elements = block.iter();
+            for run in runs {
+                self.ints(&[3, run[0] as i32 + 1, block.cell_type().number()])?;
+                self.sizes(&[run.len()])?;
+                for element in elements.by_ref().take(run.len()) {
+                    self.cell4(&mut tag, block.cell_type(), element)?;
+                }
             }
         }
         self.end("Elements")
     }
 
-    fn cell4(&mut self, tag: &mut usize, nodes: &[u32]) -> io::Result<()> {
+    fn cell4(&mut self, tag: &mut usize, cell_type: impl GmshType, nodes: &[u32]) -> io::Result<()> {
         self.size(*tag)?;
-        for &node in nodes {
+        for node in in_order_of_gmsh(cell_type, nodes) {
             self.size(node as usize + 1)?;
         }
         *tag += 1;
@@ -203,7 +214,7 @@ impl<W: Write> Sink<'_, W> {
         self.sizes(&[0, 0, mesh.surfaces().len(), mesh.regions().len()])?;
         let position = |&node: &u32| mesh.nodes()[node as usize];
         for (tag, surface) in (1..).zip(mesh.surfaces()) {
-            let bounds = measure::bounding_box(surface.triangles.iter().flatten().map(position));
+            let bounds = measure::bounding_box(surface.faces.iter().flatten().map(position));
             self.entity4(tag, bounds)?;
         }
         for (region, tag) in (0..mesh.regions().len() as u32).zip(1..) {
@@ -261,4 +272,13 @@ impl<W: Write> Sink<'_, W> {
         let line_break = if self.binary { "\n" } else { "" };
         writeln!(self.out, "{line_break}$End{section}")
     }
+}
+
+/// Returns the nodes of a cell in the order of Gmsh.
+fn in_order_of_gmsh(cell_type: impl GmshType, nodes: &[u32]) -> Vec<u32> {
+    let mut ordered = nodes.to_vec();
+    for (&place, &node) in cell_type.places().into_iter().flatten().zip(nodes) {
+        ordered[place] = node;
+    }
+    ordered
 }

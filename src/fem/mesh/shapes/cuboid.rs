@@ -2,7 +2,8 @@
 
 use super::grid::Grid;
 use super::{ShapeError, positive};
-use crate::fem::mesh::{Mesh, Surface};
+use crate::fem::element::ElementType;
+use crate::fem::mesh::{Mesh, QuadraticHexahedron, Surface};
 
 /// Creates a box of the edge lengths `size` (m) with its lowest corner at the origin; `cells` are the numbers of cells
 /// along x, y and z, with six tetrahedra each.
@@ -15,6 +16,47 @@ use crate::fem::mesh::{Mesh, Surface};
 /// [`ShapeError::TooManyElements`] if there are too many cells, or [`ShapeError::Mesh`] if elements are flat in
 /// floating-point arithmetic.
 pub fn cuboid(cells: [usize; 3], size: [f64; 3]) -> Result<Mesh, ShapeError> {
+    let (grid, nodes) = grid(cells, size)?;
+    let surfaces = SIDES.map(|(name, axis, upper)| Surface { name: name.into(), faces: grid.side(axis, upper).into() });
+    Ok(Mesh::from_shape(nodes, grid.elements(|_| 0), &["body"], surfaces.into())?)
+}
+
+/// Creates a box as [`cuboid`] does, of elements of another type: tetrahedra, one hexahedron per cell, or two wedges per
+/// cell, which extend along z. The nodes of quadratic elements that are not corners follow the corners.
+///
+/// # Errors
+/// As for [`cuboid`].
+pub fn cuboid_of(element_type: ElementType, cells: [usize; 3], size: [f64; 3]) -> Result<Mesh, ShapeError> {
+    let linear = match element_type {
+        ElementType::Tet4 | ElementType::Tet10 => cuboid(cells, size)?,
+        ElementType::Hex8 | ElementType::Hex20 | ElementType::Hex27 => uncut(false, cells, size)?,
+        ElementType::Wedge6 => uncut(true, cells, size)?,
+    };
+    Ok(match element_type {
+        ElementType::Tet10 | ElementType::Hex20 => linear.quadratic(QuadraticHexahedron::Serendipity)?,
+        ElementType::Hex27 => linear.quadratic(QuadraticHexahedron::Triquadratic)?,
+        ElementType::Tet4 | ElementType::Hex8 | ElementType::Wedge6 => linear,
+    })
+}
+
+/// Name, axis and end of each side.
+const SIDES: [(&str, usize, bool); 6] =
+    [("x0", 0, false), ("x1", 0, true), ("y0", 1, false), ("y1", 1, true), ("z0", 2, false), ("z1", 2, true)];
+
+/// Returns the box of two wedges per cell, or of one hexahedron.
+fn uncut(has_wedges: bool, cells: [usize; 3], size: [f64; 3]) -> Result<Mesh, ShapeError> {
+    let (grid, nodes) = grid(cells, size)?;
+    let elements = grid.uncut(has_wedges);
+    let side = |(name, axis, upper): (&str, usize, bool)| Surface {
+        name: name.into(),
+        faces: grid.side_of(&elements, axis, upper),
+    };
+    let (surfaces, region_of) = (SIDES.map(side), vec![0; elements.len()]);
+    Ok(Mesh::from_shape(nodes, (elements, region_of), &["body"], surfaces.into())?)
+}
+
+/// Returns the grid of a box and the positions of its nodes.
+fn grid(cells: [usize; 3], size: [f64; 3]) -> Result<(Grid, Vec<[f64; 3]>), ShapeError> {
     let grid = Grid::new(cells, None)?;
     for (what, length) in ["the size along x", "the size along y", "the size along z"].into_iter().zip(size) {
         positive(what, length)?;
@@ -22,10 +64,7 @@ pub fn cuboid(cells: [usize; 3], size: [f64; 3]) -> Result<Mesh, ShapeError> {
     // The quotient is computed first, because it is exactly 1 at the upper side.
     let along = |axis: usize, step: usize| size[axis] * (step as f64 / cells[axis] as f64);
     let nodes = grid.nodes(|i, j, k| [along(0, i), along(1, j), along(2, k)]);
-    let surfaces =
-        [("x0", 0, false), ("x1", 0, true), ("y0", 1, false), ("y1", 1, true), ("z0", 2, false), ("z1", 2, true)]
-            .map(|(name, axis, upper)| Surface { name: name.into(), triangles: grid.side(axis, upper) });
-    Ok(Mesh::from_shape(nodes, grid.elements(|_| 0), &["body"], surfaces.into())?)
+    Ok((grid, nodes))
 }
 
 #[cfg(test)]
@@ -41,7 +80,7 @@ mod tests {
         assert_eq!(mesh.nodes(), corners.collect::<Vec<_>>());
         let documented = ["0137", "0327", "0267", "0647", "0457", "0517"];
         let written: Vec<String> =
-            mesh.elements().iter().map(|nodes| nodes.map(|node| node.to_string()).concat()).collect();
+            mesh.elements().iter().map(|nodes| nodes.iter().map(u32::to_string).collect::<String>()).collect();
         assert_eq!(written, documented);
         assert_valid(&mesh);
     }
@@ -63,9 +102,42 @@ mod tests {
             assert!((mesh.surface_area(surface) - area).abs() < 1e-15, "{}", surface.name);
             let plane = if upper == 1 { size[axis] } else { 0.0 };
             assert!(surface.nodes().iter().all(|&node| mesh.nodes()[node as usize][axis] == plane));
-            for &triangle in &surface.triangles {
-                let normal = mesh.area_vector(triangle);
+            for (face_type, nodes) in surface.faces.typed() {
+                let normal = mesh.area_vector(face_type, nodes);
                 assert_eq!(normal[axis] > 0.0, upper == 1, "{} points inward", surface.name);
+            }
+        }
+    }
+
+    #[test]
+    fn boxes_of_all_element_types() {
+        for (element_type, elements, nodes) in [
+            (ElementType::Tet4, 36, 24),
+            (ElementType::Tet10, 36, 105),
+            (ElementType::Hex8, 6, 24),
+            (ElementType::Hex20, 6, 70),
+            (ElementType::Hex27, 6, 105),
+            (ElementType::Wedge6, 12, 24),
+        ] {
+            let size = [0.3, 0.7, 1.1];
+            let mesh = cuboid_of(element_type, [3, 2, 1], size).unwrap();
+            assert_valid(&mesh);
+            assert_eq!((mesh.elements().len(), mesh.nodes().len()), (elements, nodes), "{element_type:?}");
+            assert!((mesh.volume() - 0.3 * 0.7 * 1.1).abs() < 1e-15);
+            for (k, surface) in mesh.surfaces().iter().enumerate() {
+                let (axis, upper) = (k / 2, k % 2);
+                let area = size[(axis + 1) % 3] * size[(axis + 2) % 3];
+                assert!((mesh.surface_area(surface) - area).abs() < 1e-15, "{element_type:?} {}", surface.name);
+                let plane = if upper == 1 { size[axis] } else { 0.0 };
+                assert!(surface.nodes().iter().all(|&node| mesh.nodes()[node as usize][axis] == plane));
+                for (face_type, nodes) in surface.faces.typed() {
+                    assert_eq!(
+                        mesh.area_vector(face_type, nodes)[axis] > 0.0,
+                        upper == 1,
+                        "{} points inward",
+                        surface.name
+                    );
+                }
             }
         }
     }

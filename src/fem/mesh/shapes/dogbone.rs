@@ -154,9 +154,9 @@ pub fn dogbone(shape: &DogboneShape, element_size: f64) -> Result<Mesh, ShapeErr
     });
     let sides = [(1, false), (1, true), (2, false), (2, true)].map(|(axis, upper)| grid.side(axis, upper)).concat();
     let surfaces = vec![
-        Surface { name: "left".into(), triangles: grid.side(0, false) },
-        Surface { name: "right".into(), triangles: grid.side(0, true) },
-        Surface { name: "sides".into(), triangles: sides },
+        Surface { name: "left".into(), faces: grid.side(0, false).into() },
+        Surface { name: "right".into(), faces: grid.side(0, true).into() },
+        Surface { name: "sides".into(), faces: sides.into() },
     ];
     Ok(Mesh::from_shape(nodes, elements, &["grip", "gauge"], surfaces)?)
 }
@@ -213,7 +213,11 @@ mod tests {
                 assert!((area / (SHAPE.grip_width * SHAPE.thickness) - 1.0).abs() < 1e-12);
             }
             // The area vectors of a closed surface sum to zero.
-            let normals = mesh.surfaces().iter().flat_map(|surface| &surface.triangles).map(|&t| mesh.area_vector(t));
+            let normals = mesh
+                .surfaces()
+                .iter()
+                .flat_map(|surface| surface.faces.typed())
+                .map(|(t, nodes)| mesh.area_vector(t, nodes));
             let sum = normals.fold([0.0; 3], |sum, normal| std::array::from_fn(|k| sum[k] + normal[k]));
             assert!(sum.iter().all(|x: &f64| x.abs() < 1e-16), "{sum:?}");
         }
@@ -239,7 +243,7 @@ mod tests {
         assert_eq!((low, high), ([0.0, -0.005, -0.00125], [0.038, 0.005, 0.00125]));
         for (element, &region) in mesh.region_of().iter().enumerate() {
             let from_end = |x: f64| x.min(SHAPE.length - x);
-            let in_grip = mesh.corners(element).iter().all(|x| from_end(x[0]) < SHAPE.grip_length + 1e-12);
+            let in_grip = mesh.positions(element).iter().all(|x| from_end(x[0]) < SHAPE.grip_length + 1e-12);
             assert_eq!(mesh.regions()[region as usize] == "grip", in_grip);
         }
         let on_the_edge = mesh.nodes().iter().filter(|[x, y, _]| {
@@ -254,18 +258,16 @@ mod tests {
     fn the_mesh_is_symmetric() {
         let mesh = dogbone(&SHAPE, 0.002).unwrap();
         let place = |x: [f64; 3]| x.map(|x| (x * 1e9).round() as i64);
-        let element = |corners: [[f64; 3]; 4]| {
-            let mut corners = corners.map(place);
+        let element = |corners: Vec<[f64; 3]>| {
+            let mut corners: Vec<_> = corners.into_iter().map(place).collect();
             corners.sort_unstable();
             corners
         };
-        let all: HashSet<_> = (0..mesh.elements().len()).map(|e| element(mesh.corners(e))).collect();
+        let all: HashSet<_> = (0..mesh.elements().len()).map(|e| element(mesh.positions(e))).collect();
         for (axis, sum) in [(0, SHAPE.length), (1, 0.0), (2, 0.0)] {
             for e in 0..mesh.elements().len() {
-                let image = mesh.corners(e).map(|mut x| {
-                    x[axis] = sum - x[axis];
-                    x
-                });
+                let mut image = mesh.positions(e);
+                image.iter_mut().for_each(|x| x[axis] = sum - x[axis]);
                 assert!(all.contains(&element(image)), "element {e} has no mirror image along axis {axis}");
             }
         }

@@ -1,7 +1,8 @@
 //! A block of hexahedral cells, each cut into six tetrahedra.
 
 use super::{MAX_ELEMENTS, ShapeError};
-use crate::fem::mesh::faces::outward;
+use crate::fem::element::{ElementType, FaceNodes};
+use crate::fem::mesh::{Elements, Faces};
 
 /// The Kuhn subdivision of a cell with corners numbered `a + 2 b + 4 c` (`a`, `b`, `c` are 0 or 1 along x, y, z): six
 /// tetrahedra of positive volume around the diagonal from corner 0 to corner 7, one for each path along the edges.
@@ -43,7 +44,7 @@ impl Grid {
     }
 
     /// Returns the tetrahedra, six per cell, and their regions, given the region of each cell.
-    pub fn elements(&self, region: impl Fn([usize; 3]) -> u32) -> (Vec<[u32; 4]>, Vec<u32>) {
+    pub fn elements(&self, region: impl Fn([usize; 3]) -> u32) -> (Elements, Vec<u32>) {
         let [nx, ny, nz] = self.cells;
         let count = 6 * nx * ny * nz;
         let (mut elements, mut region_of) = (Vec::with_capacity(count), Vec::with_capacity(count));
@@ -55,7 +56,42 @@ impl Grid {
                 }
             }
         }
-        (elements, region_of)
+        (elements.into(), region_of)
+    }
+
+    /// Returns two wedges per cell, which extend along z, or one hexahedron.
+    pub fn uncut(&self, has_wedges: bool) -> Elements {
+        // Corners of a cell in the order of the elements, numbered as in `KUHN`.
+        let (element_type, corners): (_, &[&[usize]]) = match has_wedges {
+            false => (ElementType::Hex8, &[&[0, 1, 3, 2, 4, 5, 7, 6]]),
+            true => (ElementType::Wedge6, &[&[0, 1, 3, 4, 5, 7], &[0, 3, 2, 4, 7, 6]]),
+        };
+        let [nx, ny, nz] = self.cells;
+        let mut elements = Elements::default();
+        for cell in 0..nx * ny * nz {
+            let (i, j, k) = (cell % nx, cell / nx % ny, cell / (nx * ny));
+            for corners in corners {
+                let node = |&corner: &usize| self.node(i + (corner & 1), j + (corner >> 1 & 1), k + (corner >> 2));
+                let nodes: Vec<u32> = corners.iter().map(node).collect();
+                elements.push(element_type, &nodes);
+            }
+        }
+        elements
+    }
+
+    /// Returns the faces of elements on the lowest (`upper` false) or highest side along `axis`, with outward normals.
+    pub fn side_of(&self, elements: &Elements, axis: usize, upper: bool) -> Faces {
+        let plane = if upper { self.cells[axis] } else { 0 };
+        let mut side = Faces::default();
+        for (element_type, nodes) in elements.typed() {
+            for FaceNodes { face_type, nodes: local } in element_type.faces() {
+                let face: Vec<u32> = local.iter().map(|&node| nodes[node]).collect();
+                if face.iter().all(|&node| self.grid_indices(node)[axis] == plane) {
+                    side.push(*face_type, &face);
+                }
+            }
+        }
+        side
     }
 
     /// Returns the triangles of the lowest (`upper` false) or highest side along `axis`, with outward normals.
@@ -105,4 +141,9 @@ impl Grid {
         let node = node as usize;
         [node % row, node / row % layer, node / (row * layer)]
     }
+}
+
+/// Returns the faces of a tetrahedron of positive volume, with outward normals.
+fn outward([a, b, c, d]: [u32; 4]) -> [[u32; 3]; 4] {
+    [[b, c, d], [a, d, c], [a, b, d], [a, c, b]]
 }

@@ -8,7 +8,7 @@ mod cuboid;
 mod dogbone;
 mod grid;
 
-pub use cuboid::cuboid;
+pub use cuboid::{cuboid, cuboid_of};
 pub use dogbone::{DogboneShape, dogbone};
 pub use grid::KUHN;
 
@@ -83,6 +83,6 @@ fn positive(what: &'static str, value: f64) -> Result<(), ShapeError> {
 /// Checks that [`Mesh::new`](super::Mesh::new) accepts the parts of a shape without changes.
 #[cfg(test)]
 fn assert_valid(mesh: &super::Mesh) {
-    let super::Mesh { nodes, elements, region_of, regions, surfaces } = mesh.clone();
+    let super::Mesh { nodes, elements, region_of, regions, surfaces, .. } = mesh.clone();
     assert_eq!(super::Mesh::new(nodes, elements, region_of, regions, surfaces).as_ref(), Ok(mesh));
 }

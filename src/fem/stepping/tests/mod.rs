@@ -37,7 +37,7 @@ fn stepper<P: PointField>(
 }
 
 fn formula(mesh: &Mesh) -> FormulaField {
-    FormulaField::uniform(MATERIAL, mesh.elements().len())
+    FormulaField::uniform(MATERIAL, mesh)
 }
 
 /// Records all calls, and returns an error in step `stop_at`.
@@ -290,7 +290,7 @@ fn an_unconstrained_body_is_rejected() {
 #[test]
 fn a_body_without_stiffness_is_not_cut() {
     let mesh = bar(2);
-    let liquid = FormulaField::uniform(NeoHookean { mu: 0.0, lambda: 5.0e3 }, mesh.elements().len());
+    let liquid = FormulaField::uniform(NeoHookean { mu: 0.0, lambda: 5.0e3 }, &mesh);
     let mut log = Log::default();
     let error = stepper(&mesh, &pushed(0.1), liquid, StepParams::default()).run(&mut log).unwrap_err();
     assert!(

@@ -1,6 +1,7 @@
 //! Committed states: in equilibrium after material changes, and independent of the trial states.
 
 use super::*;
+use crate::fem::mesh::IntegrationPoint;
 
 /// Elements stretched beyond `limit` permanently lose most of their stiffness, the most stretched ones first.
 struct Brittle {
@@ -41,7 +42,10 @@ impl PointField for Brittle {
         self.formula.update(gradients, out)?;
         for element in (0..gradients.len()).filter(|&element| self.broken[element]) {
             if !self.committed[element] && gradients[element][(0, 0)] > self.fails_beyond {
-                return Err(PointError { element, reason: MaterialError::Inverted(0.0) });
+                return Err(PointError {
+                    point: IntegrationPoint::of_element(element),
+                    reason: MaterialError::Inverted(0.0),
+                });
             }
             out.energy[element] *= 0.2;
             out.pk1[element] *= 0.2;

@@ -24,13 +24,14 @@ const RENUMBER: &str = "renumber the mesh in Gmsh (Mesh, Renumber) or export it 
 const NODE_BLOCK: &str = "a block of nodes: dimension and tag of its entity, parametric flag (0 or 1), number of nodes";
 const ADD_UP: &str = "blocks that add up to the number announced";
 const KNOWN_NODES: &str = "nodes of this file";
-const TYPES: &str = "4-node tetrahedra and 3-node triangles (points and lines are ignored)";
+const TYPES: &str =
+    "tetrahedra and hexahedra of order 1 or 2, wedges of order 1, and their faces (points and lines are ignored)";
 const LINEAR: &str = "export the mesh with element order 1 (in Gmsh: Mesh.ElementOrder = 1)";
-const BODY: &str = "a body of tetrahedra";
+const BODY: &str = "a body of tetrahedra, hexahedra or wedges";
 const MESH_VOLUME: &str = "mesh the volume (in Gmsh: Mesh, 3D), put it in a physical group (Gmsh saves nothing else if there are any groups), and export again";
-const ONE_GROUP_OR_NONE: &str = "every tetrahedron in one physical volume group (or no such group at all)";
+const ONE_GROUP_OR_NONE: &str = "every element in one physical volume group (or no such group at all)";
 const ADD_TO_GROUP: &str = "add the volumes left out to a physical group (and export with Mesh.SaveAll = 0: version 2.2 loses the groups otherwise), or remove all physical volume groups and their names";
-const ONE_GROUP: &str = "every tetrahedron in one physical volume group";
+const ONE_GROUP: &str = "every element in one physical volume group";
 const TAKE_OUT: &str = "remove its volume from one of the groups";
 const COHERENCE: &str = "remove duplicate elements (in Gmsh: Coherence Mesh) and export again";
 
@@ -203,15 +204,21 @@ fn invalid_elements_are_errors() {
             "tetrahedra with a volume", "improve the mesh (in Gmsh: Optimize 3D) or mesh again";
         two("1 2 3 4\n", "1 2 3\n") => "a.msh:19: the line ends too early", "the four nodes of a tetrahedron", DAMAGED;
         two("1 2 3 4\n", "1 2 3 4 1\n") => "a.msh:19: `1` was found where the line should end", LINE_END, DAMAGED;
+        two("2 4 2 1 1 1 2 3 4\n", "2 13 2 1 1 1 2 3 4 5 6 7 8 9 10\n") =>
+            "a.msh:19: the mesh has 18-node prisms (order 2, element type 13)", TYPES, LINEAR;
+        two("2 4 2 1 1 1 2 3 4\n", "2 29 2 1 1 1 2 3 4 5 6 7 8\n") =>
+            "a.msh:19: the mesh has 20-node tetrahedra (order 3, element type 29)", TYPES,
+            "export the mesh with element order 1 or 2 (in Gmsh: Mesh.ElementOrder = 2)";
+        two("2 4 2 1 1 1 2 3 4\n", "2 7 2 1 1 1 2 3 4 5\n") =>
+            "a.msh:19: the mesh has 5-node pyramids (order 1, element type 7)", TYPES,
+            "mesh the body without pyramids: with tetrahedra only, or with hexahedra and wedges only";
+        two("2 4 2 1 1 1 2 3 4\n", "2 5 2 1 1 1 2 3 4\n") => "a.msh:19: the line ends too early",
+            "the eight nodes of a hexahedron", DAMAGED;
         two("2 4 2 1 1 1 2 3 4\n", "2 11 2 1 1 1 2 3 4 5 6 7 8 9 10\n") =>
-            "a.msh:19: the mesh has 10-node tetrahedra (order 2, element type 11)", TYPES, LINEAR;
-        two("2 4 2 1 1 1 2 3 4\n", "2 5 2 1 1 1 2 3 4 5 6 7 8\n") =>
-            "a.msh:19: the mesh has 8-node hexahedra (order 1, element type 5)",
-            TYPES,
-            "mesh the body with tetrahedra only (in Gmsh: no recombination, no transfinite or extruded hexahedra)";
+            "a.msh:19: tetrahedron 2 refers to node 5, which is not in $Nodes", KNOWN_NODES, DAMAGED;
         two("2 4 2 1 1 1 2 3 4\n", "2 99 2 1 1 1 2 3 4\n") => "a.msh:19: the mesh has elements of type 99",
             TYPES, "the file is damaged or of a newer version: export it again from Gmsh";
-        four("3 6 4 1\n", "3 6 11 1\n") => "a.msh:31: the mesh has 10-node tetrahedra (order 2, element type 11)",
+        four("3 6 4 1\n", "3 6 18 1\n") => "a.msh:31: the mesh has 15-node prisms (order 2, element type 18)",
             TYPES, LINEAR;
         four("3 6 4 1\n", "2 6 4 1\n") => "a.msh:31: a block of tetrahedra lies on an entity of dimension 2",
             "dimension 3", DAMAGED;
@@ -225,11 +232,11 @@ fn invalid_elements_are_errors() {
 #[test]
 fn invalid_bodies_and_groups_are_errors() {
     check! {
-        two("\n2 4 2 1 1 1 2 3 4\n", "\n2 2 2 1 1 1 2 4\n") => "a.msh: the mesh has no tetrahedra, only 2 triangles",
+        two("\n2 4 2 1 1 1 2 3 4\n", "\n2 2 2 1 1 1 2 4\n") => "a.msh: the mesh has no elements with a volume, only 2 faces",
             BODY, MESH_VOLUME;
         with(&with(TEXT_4, "2 2 1 2\n", "0 0 0 0\n$EndElements\n$Rest\n"), "30 90000\n$EndElements\n", "30 90000\n$EndRest\n")
             .into() =>
-            "a.msh: the mesh has no tetrahedra", BODY, MESH_VOLUME;
+            "a.msh: the mesh has no elements with a volume", BODY, MESH_VOLUME;
         two("2 4 2 1 1 1", "2 4 2 0 1 1") => "a.msh: 1 of 1 tetrahedra are in no physical volume group",
             ONE_GROUP_OR_NONE, ADD_TO_GROUP;
         four("6 0 0 0 1 1 1 1 1 1 5", "6 0 0 0 1 1 1 0 1 5") =>
@@ -239,9 +246,9 @@ fn invalid_bodies_and_groups_are_errors() {
         two("$Elements\n2\n", "$Elements\n3\n3 4 2 4 1 2 1 3 4\n") =>
             "a.msh:20: tetrahedron 2 is in two physical volume groups, `4` and `tissue`", ONE_GROUP, TAKE_OUT;
         two("$Elements\n2\n", "$Elements\n3\n3 4 2 1 1 2 1 3 4\n") => "a.msh:20: tetrahedra 3 and 2 are the same",
-            "each tetrahedron once", COHERENCE;
+            "each element once", COHERENCE;
         two("$Elements\n2\n", "$Elements\n3\n3 2 2 1 1 2 1 3\n") =>
-            "a.msh:19: triangles 3 and 1 of surface `base` are the same", "each triangle of a surface once", COHERENCE;
+            "a.msh:19: triangles 3 and 1 of surface `base` are the same", "each face of a surface once", COHERENCE;
         with(&with(TEXT_2, "$Nodes\n4\n", "$Nodes\n5\n5 1 1 1\n"), "$Elements\n2\n", "$Elements\n3\n3 4 2 1 1 1 2 3 5\n")
             .into() =>
             "a.msh:21: tetrahedra 3 and 2 overlap: they lie on the same side of a face they share",
@@ -249,7 +256,7 @@ fn invalid_bodies_and_groups_are_errors() {
             "check the mesh for inverted and overlapping elements and mesh again";
         with(&with(TEXT_2, "$Nodes\n4\n", "$Nodes\n5\n5 1 1 1\n"), "$Elements\n2\n", "$Elements\n3\n3 2 2 1 1 1 2 5\n")
             .into() =>
-            "a.msh:19: triangle 3 of surface `base` is not a face of any tetrahedron",
+            "a.msh:19: triangle 3 of surface `base` is not a face of any element",
             "surfaces that bound the body or lie in it",
             "remove the surface from the physical group, or export also the volume that it belongs to";
         four("$Entities\n0 0 1 1\n", "$Entities\n0 0 2 1\n5 0 0 0 1 1 0 1 1 0\n") =>

@@ -1,5 +1,7 @@
 //! Optional features of mesh files.
 
+use crate::fem::mesh::{Elements, Faces};
+
 use super::{TEXT_2, TEXT_4, read, with};
 
 fn warnings(text: &str) -> Vec<String> {
@@ -13,7 +15,7 @@ fn both_versions_of_a_file_give_the_same_mesh() {
     assert_eq!(two.warnings, [""; 0]);
     assert_eq!(two.mesh.regions(), ["tissue"]);
     // The triangle is reversed, because the normal of 1 2 3 in the file points into the body.
-    assert_eq!(two.mesh.surface("base").unwrap().triangles, [[0, 2, 1]]);
+    assert_eq!(two.mesh.surface("base").unwrap().faces, Faces::from(vec![[0, 2, 1]]));
     assert_eq!(two.mesh.volume(), 1.0 / 6.0);
 }
 
@@ -35,14 +37,14 @@ fn a_file_without_volume_groups_is_one_body() {
 fn inverted_elements_are_reversed_with_a_warning() {
     let file = read(with(TEXT_2, "1 2 3 4\n", "1 2 4 3\n")).unwrap();
     assert_eq!(file.warnings, ["1 tetrahedra had a negative volume and have been reversed"]);
-    assert_eq!(file.mesh.elements(), [[0, 1, 2, 3]]);
+    assert_eq!(file.mesh.elements(), &Elements::from(vec![[0, 1, 2, 3]]));
 }
 
 #[test]
 fn nodes_without_elements_are_left_out_with_a_warning() {
     let text = with(TEXT_2, "$Nodes\n4\n1 0 0 0\n", "$Nodes\n6\n11 7 7 7\n1 0 0 0\n12 8 8 8\n");
     let file = read(text).unwrap();
-    assert_eq!(file.warnings, ["2 nodes belong to no tetrahedron and are left out"]);
+    assert_eq!(file.warnings, ["2 nodes belong to no element and are left out"]);
     assert_eq!(file.mesh, read(TEXT_2).unwrap().mesh);
 }
 
@@ -75,7 +77,7 @@ fn an_entity_may_be_in_several_groups_with_negative_numbers_and_equal_names() {
     let text = with(&text, "Names\n2\n", "Names\n3\n2 9 \"base\"\n");
     let mesh = read(text).unwrap().mesh;
     assert_eq!(mesh.surface_names().collect::<Vec<_>>(), ["base", "8"]);
-    assert!(mesh.surfaces().iter().all(|surface| surface.triangles == [[0, 2, 1]]));
+    assert!(mesh.surfaces().iter().all(|surface| surface.faces == Faces::from(vec![[0, 2, 1]])));
 }
 
 #[test]
@@ -87,7 +89,7 @@ fn regions_and_surfaces_are_ordered_by_their_numbers() {
     assert_eq!(mesh.region_of(), [1, 0]);
     assert_eq!(mesh.surface_names().collect::<Vec<_>>(), ["base", "3"]);
     // A triangle between two tetrahedra keeps its orientation.
-    assert_eq!(mesh.surface("base").unwrap().triangles, [[1, 2, 3]]);
+    assert_eq!(mesh.surface("base").unwrap().faces, Faces::from(vec![[1, 2, 3]]));
 }
 
 #[test]

@@ -1,0 +1,181 @@
+//! Geometry of all elements, in blocks of one type, and the integrals over one block.
+
+use nalgebra::{Matrix3, SMatrix};
+use thiserror::Error;
+
+use super::local;
+use crate::fem::element::reference::Element;
+use crate::fem::element::{self, ElementError, ElementType, PointGeometry};
+use crate::fem::mesh::{self, Mesh};
+use crate::tensor::contract;
+
+/// An element of the mesh that is degenerate.
+#[derive(Clone, Copy, Debug, Error, PartialEq)]
+#[error("element {element}: {reason}")]
+pub struct GeometryError {
+    /// Element index, from 0.
+    pub element: usize,
+    /// The defect of the element.
+    pub reason: ElementError,
+}
+
+/// Volumes and shape-function gradients of all integration points of a mesh.
+#[derive(Clone, Debug)]
+pub struct Geometry {
+    pub(super) blocks: Vec<ElementBlock>,
+}
+
+/// Consecutive elements of one type with `N` nodes and `Q` integration points each.
+#[derive(Clone, Debug)]
+pub struct Block<const N: usize, const Q: usize> {
+    /// The nodes of each element.
+    pub nodes: Vec<[u32; N]>,
+    /// The points of each element.
+    pub points: Vec<[PointGeometry<N>; Q]>,
+    /// The first point of the block among all points of the mesh.
+    pub first_point: usize,
+}
+
+/// A block of any element type.
+#[derive(Clone, Debug)]
+pub(super) enum ElementBlock {
+    Tet4(Block<4, 1>),
+    Tet10(Block<10, 4>),
+    Hex8(Block<8, 8>),
+    Hex20(Block<20, 27>),
+    Hex27(Block<27, 27>),
+    Wedge6(Block<6, 6>),
+}
+
+/// Evaluates an expression with the block `$b` in an [`ElementBlock`].
+macro_rules! with_block {
+    ($block:expr, $b:ident => $body:expr) => {
+        match $block {
+            $crate::fem::assembly::geometry::ElementBlock::Tet4($b) => $body,
+            $crate::fem::assembly::geometry::ElementBlock::Tet10($b) => $body,
+            $crate::fem::assembly::geometry::ElementBlock::Hex8($b) => $body,
+            $crate::fem::assembly::geometry::ElementBlock::Hex20($b) => $body,
+            $crate::fem::assembly::geometry::ElementBlock::Hex27($b) => $body,
+            $crate::fem::assembly::geometry::ElementBlock::Wedge6($b) => $body,
+        }
+    };
+}
+
+pub(super) use with_block;
+
+/// Computes volumes and shape-function gradients of all integration points.
+///
+/// # Errors
+/// Returns [`GeometryError`] for the first degenerate element.
+pub fn geometry(mesh: &Mesh) -> Result<Geometry, GeometryError> {
+    use element::reference::{Hex8, Hex20, Hex27, Tet4, Tet10, Wedge6};
+    let of_block = |block: &mesh::Block<ElementType>| {
+        Ok(match block.cell_type() {
+            ElementType::Tet4 => ElementBlock::Tet4(Block::new::<Tet4>(mesh, block)?),
+            ElementType::Tet10 => ElementBlock::Tet10(Block::new::<Tet10>(mesh, block)?),
+            ElementType::Hex8 => ElementBlock::Hex8(Block::new::<Hex8>(mesh, block)?),
+            ElementType::Hex20 => ElementBlock::Hex20(Block::new::<Hex20>(mesh, block)?),
+            ElementType::Hex27 => ElementBlock::Hex27(Block::new::<Hex27>(mesh, block)?),
+            ElementType::Wedge6 => ElementBlock::Wedge6(Block::new::<Wedge6>(mesh, block)?),
+        })
+    };
+    Ok(Geometry { blocks: mesh.elements().blocks().iter().map(of_block).collect::<Result<_, _>>()? })
+}
+
+impl Geometry {
+    /// Returns the volume of each integration point, m^3.
+    pub fn volumes(&self) -> Vec<f64> {
+        let of_block = |block: &ElementBlock| -> Vec<f64> {
+            with_block!(block, b => b.points.as_flattened().iter().map(|point| point.volume).collect())
+        };
+        self.blocks.iter().flat_map(of_block).collect()
+    }
+}
+
+impl<const N: usize, const Q: usize> Block<N, Q> {
+    fn new<E: Element<3, N, Q>>(mesh: &Mesh, block: &mesh::Block<ElementType>) -> Result<Self, GeometryError> {
+        let (nodes, _) = block.nodes().as_chunks::<N>();
+        let of_element = |(element, nodes): (usize, &[u32; N])| {
+            let positions = nodes.map(|node| mesh.nodes()[node as usize]);
+            element::geometry::<E, N, Q>(&positions).map_err(|reason| GeometryError { element, reason })
+        };
+        Ok(Self {
+            nodes: nodes.to_vec(),
+            points: block.range().zip(nodes).map(of_element).collect::<Result<_, _>>()?,
+            first_point: mesh.points().of_element(block.range().start).start,
+        })
+    }
+
+    /// Returns the entries of this block in an array with one entry per point of the mesh, by element.
+    pub fn of_points<'a, T>(&self, values: &'a [T]) -> &'a [[T; Q]] {
+        values[self.first_point..self.first_point + Q * self.nodes.len()].as_chunks().0
+    }
+
+    fn elements<'a, T>(
+        &'a self,
+        values: &'a [T],
+    ) -> impl Iterator<Item = (&'a [PointGeometry<N>; Q], &'a [u32; N], &'a [T; Q])> {
+        self.points.iter().zip(&self.nodes).zip(self.of_points(values)).map(|((points, nodes), of)| (points, nodes, of))
+    }
+
+    /// Appends `F` of each point.
+    pub fn deformation_gradients(&self, displacements: &[[f64; 3]], gradients: &mut Vec<Matrix3<f64>>) {
+        for (points, nodes) in self.points.iter().zip(&self.nodes) {
+            let u = gather(displacements, nodes);
+            gradients.extend(points.iter().map(|point| point.deformation_gradient(&u)));
+        }
+    }
+
+    /// Adds `integral P grad N_a dV` to the forces on the nodes.
+    pub fn add_internal_forces(&self, pk1: &[Matrix3<f64>], forces: &mut [[f64; 3]]) {
+        for (points, nodes, pk1) in self.elements(pk1) {
+            for (point, p) in points.iter().zip(pk1) {
+                scatter(forces, nodes, local::internal_force(point, p));
+            }
+        }
+    }
+
+    /// Adds the first-order change of the internal forces; skips elements whose nodes do not move.
+    pub fn add_linearized_forces(
+        &self,
+        tangent: &[SMatrix<f64, 9, 9>],
+        increments: &[[f64; 3]],
+        forces: &mut [[f64; 3]],
+    ) {
+        for (points, nodes, tangent) in self.elements(tangent) {
+            let moved = gather(increments, nodes);
+            if moved == [[0.0; 3]; N] {
+                continue;
+            }
+            for (point, a) in points.iter().zip(tangent) {
+                let dp = contract(a, &point.displacement_gradient(&moved));
+                scatter(forces, nodes, local::internal_force(point, &dp));
+            }
+        }
+    }
+
+    /// Returns the sum over all points and nodes of the squared errors of the forces, divided by `eps`; see
+    /// [`Assembler::rounding_error`](super::Assembler::rounding_error).
+    pub fn squared_errors(&self, tangent: &[SMatrix<f64, 9, 9>]) -> f64 {
+        let squares =
+            self.elements(tangent).flat_map(|(points, _, tangent)| points.iter().zip(tangent)).map(|(p, a)| {
+                let gradients: f64 = p.gradients.as_flattened().iter().map(|g| g * g).sum();
+                p.volume * p.volume * a.norm_squared() * gradients
+            });
+        squares.sum()
+    }
+}
+
+#[inline(always)]
+fn gather<const N: usize>(values: &[[f64; 3]], nodes: &[u32; N]) -> [[f64; 3]; N] {
+    nodes.map(|node| values[node as usize])
+}
+
+#[inline(always)]
+fn scatter<const N: usize>(sums: &mut [[f64; 3]], nodes: &[u32; N], values: [[f64; 3]; N]) {
+    for (&node, value) in nodes.iter().zip(values) {
+        for (sum, value) in sums[node as usize].iter_mut().zip(value) {
+            *sum += value;
+        }
+    }
+}

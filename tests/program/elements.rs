@@ -1,0 +1,85 @@
+//! Runs on meshes of every element type: an RVE at every integration point, resumed runs, ranks, and output.
+
+use std::path::Path;
+
+use biotissue::app::results::read_fields;
+use biotissue::fem::element::ElementType;
+use biotissue::fem::mesh::{gmsh, shapes};
+
+use crate::line;
+
+const CONSTANTS: &str = "model = \"neo-hookean\", shear_modulus = 1000.0, poisson_ratio = 0.3";
+
+/// A bent box of elements of one type, whose material is `material`, in two steps.
+fn case(material: &str, rve: &str) -> String {
+    format!(
+        "[mesh]\nfile = \"box.msh\"\n[[region]]\nname = \"*\"\nmaterial = {material}\n\
+         [[boundary]]\nsurface = \"x0\"\ndisplacement = {{ x = 0.0, y = 0.0, z = 0.0 }}\n\
+         [[boundary]]\nsurface = \"x1\"\ndisplacement = {{ x = 0.1, y = 0.05, z = 0.0 }}\n\
+         [steps]\ncount = 2\n[output]\n{rve}\n"
+    )
+}
+
+fn mesh(folder: &Path, element_type: ElementType) {
+    let cells = if element_type == ElementType::Tet10 { [1, 1, 1] } else { [2, 1, 1] };
+    gmsh::write(&folder.join("box.msh"), &shapes::cuboid_of(element_type, cells, [1.0, 0.5, 0.5]).unwrap()).unwrap();
+}
+
+fn read(folder: &Path, name: &str) -> String {
+    std::fs::read_to_string(folder.join(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
+}
+
+/// RVEs of matrix alone give the history of the formula bit for bit, on any number of ranks.
+#[test]
+fn an_rve_at_every_point_reproduces_the_formula() {
+    for element_type in ElementType::ALL {
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path();
+        mesh(folder, element_type);
+        let rve = format!("{{ model = \"fiber-rve\", networks = [], matrix = {{ {CONSTANTS} }} }}");
+        std::fs::write(folder.join("formula.toml"), case(&format!("{{ {CONSTANTS} }}"), "")).unwrap();
+        std::fs::write(folder.join("rve.toml"), case(&rve, "")).unwrap();
+        line(folder, "run formula.toml --out formula").done();
+        line(folder, "run rve.toml --out rve").done();
+        line(folder, "run rve.toml --out ranks --ranks 3").done();
+        let formula = read(folder, "formula/loads.csv");
+        assert_eq!(read(folder, "rve/loads.csv"), formula, "{element_type:?}");
+        assert_eq!(read(folder, "ranks/loads.csv"), formula, "{element_type:?}");
+        let [one, several] = ["formula/fields-00002.vtu", "ranks/fields-00002.vtu"]
+            .map(|name| read_fields(&folder.join(name)).unwrap_or_else(|error| panic!("{error}")));
+        assert!(one.elements.typed().all(|(found, _)| found == element_type));
+        assert_eq!((one.points, one.elements), (several.points, several.elements));
+        assert_eq!(one.point_vectors, several.point_vectors);
+        assert_eq!(one.cell_tensors, several.cell_tensors);
+    }
+}
+
+/// The networks of all points of an element are written, and a resumed run continues bit for bit.
+#[test]
+fn points_have_networks_of_their_own_and_runs_are_resumed() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    mesh(folder, ElementType::Tet10);
+    line(folder, "network generate --kind delaunay --points 30 --seed 1 -o net-1.txt").done();
+    line(folder, "network generate --kind delaunay --points 30 --seed 2 -o net-2.txt").done();
+    let fibers = format!(
+        "{{ model = \"fiber-rve\", networks = [\"net-*.txt\"], fiber_volume_fraction = 0.003, law = {{ name = \"linear\", \
+         youngs_modulus = 1.0e6, radius = 5.0e-8 }}, matrix = {{ {CONSTANTS} }} }}"
+    );
+    std::fs::write(folder.join("case.toml"), case(&fibers, "rve = [2]")).unwrap();
+    line(folder, "run case.toml --out whole").done();
+    let whole = read(folder, "whole/loads.csv");
+    line(folder, "run case.toml --out parts").done();
+    std::fs::remove_file(folder.join("parts/checkpoint/step-00002.bin")).unwrap();
+    line(folder, "run case.toml --out parts --resume").done();
+    assert_eq!(read(folder, "parts/loads.csv"), whole);
+    for point in 0..4 {
+        assert!(folder.join(format!("whole/rve/element-00002-point-{point:02}-step-00002.vtp")).exists());
+        assert!(folder.join(format!("whole/rve/element-00002-point-{point:02}.pvd")).exists());
+    }
+    line(folder, "run case.toml --out ranks --ranks 3").done();
+    assert_eq!(read(folder, "ranks/loads.csv"), whole);
+    let report = line(folder, "report whole --picture body.svg");
+    report.done();
+    assert!(read(folder, "body.svg").contains("<svg"));
+}
