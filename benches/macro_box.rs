@@ -48,7 +48,7 @@ fn iteration(c: &mut Criterion, name: &str, fixed: impl Fn([f64; 3], usize) -> b
     });
     group.bench_function("residual", |b| {
         b.iter(|| {
-            assembler.internal_forces(black_box(&responses.pk1), &mut forces);
+            assembler.internal_forces(&displacements, black_box(&responses.pk1), &mut forces);
             residual.zero().expect("serial");
             assembler.scatter(&forces, &mut residual).expect("serial");
         });
@@ -56,7 +56,7 @@ fn iteration(c: &mut Criterion, name: &str, fixed: impl Fn([f64; 3], usize) -> b
     group.bench_function("stiffness", |b| {
         b.iter(|| {
             matrix.zero().expect("serial");
-            assembler.stiffness(black_box(&responses.tangent), &mut matrix).expect("serial");
+            assembler.stiffness(&displacements, black_box(&responses), &mut matrix).expect("serial");
         });
     });
     let params = SolverParams::new(Symmetry::Definite);

@@ -19,7 +19,7 @@ use biotissue::fem::assembly::{Assembler, Unknowns, geometry};
 use biotissue::fem::boundary::{Conditions, LoadCurve, PointCondition, PointLocation, SurfaceCondition};
 use biotissue::fem::material::{Material, NeoHookean};
 use biotissue::fem::mesh::shapes;
-use biotissue::fem::point_field::FormulaField;
+use biotissue::fem::point_field::{FormulaField, PointResponses};
 use biotissue::fem::stepping::{StepParams, Stepper};
 use biotissue::las::{
     Backend, Entries, FactorReport, Factorization, Iterative, Krylov, MatMat, MatVec, MatrixOps, NewtonSystem,
@@ -626,7 +626,9 @@ fn factored(
     let mut matrix = Petsc::matrix(context, &pattern).unwrap();
     let assembler = Assembler::<Petsc>::new(geometry(&mesh).unwrap(), &unknowns, &matrix).unwrap();
     let at_rest = NeoHookean { mu: 3.0, lambda: 5.0 }.evaluate(&Matrix3::identity()).unwrap().tangent;
-    assembler.stiffness(&vec![at_rest; mesh.points().len()], &mut matrix).unwrap();
+    let mut responses = PointResponses::zeros(mesh.points().len());
+    responses.tangent.fill(at_rest);
+    assembler.stiffness(&vec![[0.0; 3]; mesh.nodes().len()], &responses, &mut matrix).unwrap();
     matrix.finish().unwrap();
     let symbolic = Petsc::analyze(context, &pattern, &SolverParams::new(symmetry)).unwrap();
     Petsc::solver(&symbolic).unwrap().factor(&matrix)

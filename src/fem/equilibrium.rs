@@ -53,7 +53,7 @@ pub struct BodyState {
     pub t: f64,
     /// Displacements of the nodes, m.
     pub displacements: Vec<[f64; 3]>,
-    /// Deformation gradient of each point.
+    /// Deformation gradient of each point; in patches of elements, that of the F-bar method.
     pub gradients: Vec<Matrix3<f64>>,
     /// Energy, stress and tangent of each point.
     pub responses: PointResponses,
@@ -198,7 +198,8 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
     /// Returns [`EquilibriumError::OutOfBalance`] if the residual is too large.
     pub(super) fn check_balance(&mut self, tolerance: f64) -> Result<(), EquilibriumError<P::Error, B::Error>> {
         const FACTOR: f64 = 10.0;
-        self.assembler.internal_forces(&self.trial.responses.pk1, &mut self.trial.internal);
+        let trial = &mut self.trial;
+        self.assembler.internal_forces(&trial.displacements, &trial.responses.pk1, &mut trial.internal);
         let forces = self.trial.internal.as_flattened().iter().zip(self.trial.external.as_flattened());
         let equations = self.assembler.equation_numbers().iter();
         let free = equations.zip(forces).filter(|(equation, _)| equation.position().is_some());
@@ -258,10 +259,10 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
             return Ok(NewtonSeconds::default());
         }
         let start = Instant::now();
-        let tangent = &self.committed.responses.tangent;
         let moved = self.trial.displacements.iter().zip(&self.committed.displacements);
         let increments: Vec<[f64; 3]> = moved.map(|(new, old)| std::array::from_fn(|i| new[i] - old[i])).collect();
-        self.assembler.linearized_forces(tangent, &increments, &mut self.nodal);
+        let BodyState { displacements, responses, .. } = &self.committed;
+        self.assembler.linearized_forces(displacements, responses, &increments, &mut self.nodal);
         for ((force, external), internal) in
             self.nodal.iter_mut().zip(&self.trial.external).zip(&self.committed.internal)
         {
@@ -291,7 +292,7 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
 
     /// Adds the tangent stiffness of the points and of the loads at pseudo-time `t` to `k`.
     fn add_tangent(&self, state: &BodyState, t: f64, k: &mut B::Matrix) -> Result<(), B::Error> {
-        self.assembler.stiffness(&state.responses.tangent, k)?;
+        self.assembler.stiffness(&state.displacements, &state.responses, k)?;
         self.assembler.load_stiffness(self.boundary.loads(), t, &state.displacements, k)
     }
 
@@ -300,7 +301,7 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
         let trial = &mut self.trial;
         self.assembler.deformation_gradients(&trial.displacements, &mut trial.gradients);
         self.field.update(&trial.gradients, &mut trial.responses)?;
-        self.assembler.internal_forces(&trial.responses.pk1, &mut trial.internal);
+        self.assembler.internal_forces(&trial.displacements, &trial.responses.pk1, &mut trial.internal);
         Ok(())
     }
 

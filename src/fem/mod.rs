@@ -21,8 +21,9 @@
 //! depends on the library that solves the linear system.
 //!
 //! # Limits
-//! Elements are displacement elements ([`element::ElementType`]): linear ones lock in nearly incompressible materials.
-//! The tangent of the elements is symmetric, because stresses derive from an energy; that of a load
+//! Elements are displacement elements ([`element::ElementType`]). Linear ones lock in nearly incompressible materials;
+//! patches ([`mesh::Mesh::with_patches`]) prevent it for hexahedra and tetrahedra, with an unsymmetric tangent. The
+//! tangent of the other elements is symmetric, because stresses derive from an energy; that of a load
 //! ([`boundary::Load`]) may be unsymmetric, but couples only nodes of one element.
 
 pub mod assembly;

@@ -7,6 +7,7 @@ use biotissue::backends::sparse::Sparse;
 use biotissue::fem::assembly::{Assembler, Unknowns, geometry};
 use biotissue::fem::material::{Material, NeoHookean};
 use biotissue::fem::mesh::{Mesh, shapes};
+use biotissue::fem::point_field::PointResponses;
 use biotissue::las::{FactorReport, MatrixOps, RealBackend, SolveError, Solver, SolverParams, Sparsity, Symmetry};
 use nalgebra::Matrix3;
 
@@ -24,9 +25,11 @@ fn factored<B: RealBackend<Context = ()>>(
     let mut matrix = B::matrix(&(), &pattern).unwrap();
     let assembler = Assembler::<B>::new(geometry(mesh).unwrap(), &unknowns, &matrix).unwrap();
     let at_rest = NeoHookean { mu: 3.0, lambda: 5.0 }.evaluate(&Matrix3::identity()).unwrap().tangent;
-    let tangents: Vec<_> =
-        (0..mesh.elements().len()).map(|element| at_rest * stiffness(mesh.center(element))).collect();
-    assembler.stiffness(&tangents, &mut matrix).unwrap();
+    let mut responses = PointResponses::zeros(mesh.elements().len());
+    for (element, tangent) in responses.tangent.iter_mut().enumerate() {
+        *tangent = at_rest * stiffness(mesh.center(element));
+    }
+    assembler.stiffness(&vec![[0.0; 3]; mesh.nodes().len()], &responses, &mut matrix).unwrap();
     matrix.finish().unwrap();
     let mut solver = B::solver(&B::analyze(&(), &pattern, &SolverParams::new(symmetry)).unwrap()).unwrap();
     solver.factor(&matrix)

@@ -136,7 +136,7 @@ where
     let assembler = Assembler::<B>::new(assembly::geometry(&mesh).unwrap(), &unknowns, &matrix).unwrap();
     let mut responses = PointResponses::zeros(24);
     FormulaField::uniform(material(), &mesh).update(&[Matrix3::identity(); 24], &mut responses).unwrap();
-    assembler.stiffness(&responses.tangent, &mut matrix).unwrap();
+    assembler.stiffness(&[[0.0; 3]; 14], &responses, &mut matrix).unwrap();
     matrix.finish().unwrap();
 
     let n = unknowns.free();
@@ -159,7 +159,7 @@ where
 
     let (mut moved, mut forces) = (vec![[0.0; 3]; 14], vec![[0.0; 3]; 14]);
     boundary.apply_prescribed(0.1, &mut moved);
-    assembler.linearized_forces(&responses.tangent, &moved, &mut forces);
+    assembler.linearized_forces(&[[0.0; 3]; 14], &responses, &moved, &mut forces);
     let mut rhs = B::vector(&(), n).unwrap();
     assembler.scatter(&forces, &mut rhs).unwrap();
     rhs.finish().unwrap();

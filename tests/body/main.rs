@@ -12,6 +12,8 @@ mod convergence;
 mod elements;
 #[cfg(feature = "sparse")]
 mod equilibrium;
+#[cfg(feature = "sparse")]
+mod f_bar;
 mod gmsh;
 #[cfg(feature = "sparse")]
 mod state_dependent_loads;

@@ -60,9 +60,10 @@ fn stiffness(cells: usize, supports: Supports) -> Result<(Arc<Sparsity>, Matrix)
     let assembler = Assembler::<Sparse>::new(assembly::geometry(&mesh)?, &unknowns, &matrix)?;
     let mut field = FormulaField::uniform(NeoHookean { mu: 3846.0, lambda: 5769.0 }, &mesh);
     let (mut gradients, mut responses) = (Vec::new(), PointResponses::zeros(mesh.points().len()));
-    assembler.deformation_gradients(&vec![[0.0; 3]; mesh.nodes().len()], &mut gradients);
+    let at_rest = vec![[0.0; 3]; mesh.nodes().len()];
+    assembler.deformation_gradients(&at_rest, &mut gradients);
     field.update(&gradients, &mut responses)?;
-    assembler.stiffness(&responses.tangent, &mut matrix)?;
+    assembler.stiffness(&at_rest, &responses, &mut matrix)?;
     matrix.finish()?;
     Ok((pattern, matrix))
 }

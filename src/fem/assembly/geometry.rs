@@ -3,6 +3,7 @@
 use nalgebra::{Matrix3, SMatrix};
 use thiserror::Error;
 
+use super::f_bar::{self, Patch};
 use super::local;
 use crate::fem::element::reference::Element;
 use crate::fem::element::{self, ElementError, ElementType, PointGeometry};
@@ -23,6 +24,8 @@ pub struct GeometryError {
 #[derive(Clone, Debug)]
 pub struct Geometry {
     pub(super) blocks: Vec<ElementBlock>,
+    /// The patches of elements that share one dilatation.
+    pub(super) patches: Vec<Patch>,
 }
 
 /// Consecutive elements of one type with `N` nodes and `Q` integration points each.
@@ -79,7 +82,10 @@ pub fn geometry(mesh: &Mesh) -> Result<Geometry, GeometryError> {
             ElementType::Wedge6 => ElementBlock::Wedge6(Block::new::<Wedge6>(mesh, block)?),
         })
     };
-    Ok(Geometry { blocks: mesh.elements().blocks().iter().map(of_block).collect::<Result<_, _>>()? })
+    let blocks = mesh.elements().blocks().iter().map(of_block).collect::<Result<_, _>>()?;
+    let mut geometry = Geometry { blocks, patches: Vec::new() };
+    geometry.patches = f_bar::patches(mesh, &geometry)?;
+    Ok(geometry)
 }
 
 impl Geometry {
@@ -89,6 +95,16 @@ impl Geometry {
             with_block!(block, b => b.points.as_flattened().iter().map(|point| point.volume).collect())
         };
         self.blocks.iter().flat_map(of_block).collect()
+    }
+
+    /// Returns the volume, m^3, and the shape-function gradients of a point.
+    pub(super) fn point(&self, number: usize) -> (f64, Vec<[f64; 3]>) {
+        let first = |block: &ElementBlock| with_block!(block, b => b.first_point);
+        let block = &self.blocks[self.blocks.partition_point(|block| first(block) <= number) - 1];
+        with_block!(block, b => {
+            let point = &b.points.as_flattened()[number - b.first_point];
+            (point.volume, point.gradients.to_vec())
+        })
     }
 }
 

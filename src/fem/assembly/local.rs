@@ -44,6 +44,28 @@ pub fn stiffness<const N: usize, const Q: usize>(
     block
 }
 
+/// Computes the stiffness of [`stiffness`] from tangents without major symmetry.
+pub fn unsymmetric_stiffness<const N: usize, const Q: usize>(
+    points: &[PointGeometry<N>; Q],
+    tangents: &[SMatrix<f64, 9, 9>; Q],
+) -> ElementStiffness<N> {
+    let mut block = [[[[0.0; 3]; N]; 3]; N];
+    for (point, tangent) in points.iter().zip(tangents) {
+        for (b, g) in point.gradients.iter().enumerate() {
+            for k in 0..3 {
+                let column = |l: usize| tangent.column(3 * k + l) * (g[l] * point.volume);
+                let w = column(0) + column(1) + column(2);
+                for (rows, g) in block.iter_mut().zip(&point.gradients) {
+                    for (i, row) in rows.iter_mut().enumerate() {
+                        row[b][k] += w[3 * i] * g[0] + w[3 * i + 1] * g[1] + w[3 * i + 2] * g[2];
+                    }
+                }
+            }
+        }
+    }
+    block
+}
+
 /// Adds the contribution of a point to the blocks of nodes `1 <= a <= b`. `w[iJ] = V A_iJkL g_b[L]` belongs to column
 /// `(b, k)`; the node `a` of the row is `c` here. The contribution of the first point replaces the zeros of the block.
 #[inline(always)]
@@ -128,7 +150,7 @@ mod tests {
             let f = Matrix3::new(1.2, 0.3, -0.1, 0.05, 0.9, 0.2, -0.2, 0.01 * q as f64, 1.1);
             NeoHookean { mu: 2.0, lambda: 3.0 }.evaluate(&f).unwrap().tangent
         });
-        let fast = stiffness(&points, &tangents);
+        let (fast, general) = (stiffness(&points, &tangents), unsymmetric_stiffness(&points, &tangents));
         let scale = entries(&fast).iter().fold(0.0, |most: f64, entry| most.max(entry.abs()));
         for row in 0..3 * N {
             for col in 0..3 * N {
@@ -141,7 +163,9 @@ mod tests {
                             * point.gradients[col / 3][l];
                     }
                 }
-                assert!((plain - entries(&fast)[3 * N * row + col]).abs() < 1e-13 * scale, "({row}, {col})");
+                for kernel in [&fast, &general] {
+                    assert!((plain - entries(kernel)[3 * N * row + col]).abs() < 1e-13 * scale, "({row}, {col})");
+                }
             }
         }
     }

@@ -23,13 +23,36 @@
 //! `A = dP/dF` is the consistent tangent; the derivative of `f_ext` is zero for dead loads. The rows and columns of
 //! prescribed components are left out of `r` and `K`; their entries of `f_int - f_ext` are the reaction forces.
 //!
+//! # F-bar
+//! The elements of a patch ([`Mesh::patches`](super::mesh::Mesh::patches)) share one dilatation `J0`, that of the center
+//! of a hexahedron, or the volume of all tetrahedra of the patch over their reference volume. The constitutive model
+//! gets
+//!
+//! ```text
+//! F_bar = a F,    a = (J0 / J)^(1/3),    J = det F,
+//! ```
+//!
+//! and its Cauchy stress `sigma(F_bar)` acts on the current volume, so that `P(F_bar) / a^2` takes the place of `P` in
+//! `f_int` (E. A. de Souza Neto et al., Int. J. Solids Struct. 33 (1996) 3277-3296; for tetrahedra, Int. J. Numer.
+//! Methods Eng. 62 (2005) 353-383). With `d ln a = (d ln J0 - F^-T : dF) / 3` its derivative is
+//!
+//! ```text
+//! d(P / a^2) = A : dF / a + S (d ln J0 - F^-T : dF),    S = (A : F / a - 2 P / a^2) / 3,
+//! ```
+//!
+//! with `P` and `A` at `F_bar`. `d ln J0` couples all nodes of the patch by a block of rank one. The stiffness is
+//! unsymmetric, because the method does not derive from an energy.
+//!
 //! # Order
 //! Elements are added in mesh order, their points, nodes and components in local order, so every run adds the same terms
 //! in the same order.
 
+mod f_bar;
 mod geometry;
 pub mod local;
 mod unknowns;
+
+use std::borrow::Cow;
 
 use nalgebra::{Matrix3, SMatrix};
 
@@ -37,7 +60,9 @@ pub use geometry::{Geometry, GeometryError, geometry};
 pub use unknowns::Unknowns;
 
 use super::boundary::Load;
+use super::point_field::PointResponses;
 use crate::las::{Backend, Index, MatrixOps, RealBackend, VectorOps};
+use f_bar::{PatchTangents, tangents};
 use geometry::{Block, with_block};
 
 /// Geometry and matrix positions of all elements, computed once; integrates and scatters at every state.
@@ -45,7 +70,7 @@ use geometry::{Block, with_block};
 /// # Symmetry
 /// The stiffness of the elements is [`Symmetry::Definite`](crate::las::Symmetry): `A` is symmetric because stresses
 /// derive from an energy. [`Assembler::stiffness`] relies on it: only half of the node blocks are integrated. The
-/// stiffness of loads may be unsymmetric; see [`Load::symmetry`].
+/// stiffness of patches is [`Symmetry::None`](crate::las::Symmetry), and that of loads may be; see [`Load::symmetry`].
 pub struct Assembler<B: Backend> {
     geometry: Geometry,
     /// The positions of the stiffness in the matrix, for each block of elements.
@@ -54,6 +79,8 @@ pub struct Assembler<B: Backend> {
     equation_numbers: Vec<B::Index>,
     /// The groups of coupled nodes of the loads that have rows on this rank.
     load_groups: Vec<LoadGroup<B>>,
+    /// The patches with rows on this rank, and their positions in the matrix.
+    local_patches: Vec<(usize, Vec<B::Slot>)>,
 }
 
 /// The elements of a block with rows on this rank.
@@ -62,6 +89,8 @@ struct LocalBlock<B: Backend> {
     elements: Vec<u32>,
     /// The square of three times the number of nodes per element, row-major.
     entry_positions: Vec<B::Slot>,
+    /// Whether elements of the block belong to patches, so that their tangents are unsymmetric.
+    has_patches: bool,
 }
 
 /// The position in the matrix of one group of [`Load::coupled_nodes`].
@@ -82,8 +111,22 @@ impl<B: RealBackend> Assembler<B> {
         let index = |&number: &i32| if number < 0 { B::Index::CONSTRAINED } else { B::Index::of(number as usize) };
         let equation_numbers: Vec<B::Index> = unknowns.equation_numbers().iter().map(index).collect();
         let locate = |block: &_| with_block!(block, b => locate(b, &equation_numbers, matrix));
-        let local_blocks = geometry.blocks.iter().map(locate).collect::<Result<_, _>>()?;
-        Ok(Self { geometry, local_blocks, equation_numbers, load_groups: Vec::new() })
+        let mut local_blocks = geometry.blocks.iter().map(locate).collect::<Result<Vec<_>, _>>()?;
+        let mut first = 0;
+        for (block, local) in geometry.blocks.iter().zip(&mut local_blocks) {
+            let elements = first..first + with_block!(block, b => b.nodes.len() as u32);
+            let in_patches = geometry.patches.iter().flat_map(|patch| &patch.elements);
+            local.has_patches = in_patches.into_iter().any(|element| elements.contains(element));
+            first = elements.end;
+        }
+        let mut assembler =
+            Self { geometry, local_blocks, equation_numbers, load_groups: Vec::new(), local_patches: Vec::new() };
+        for (number, patch) in assembler.geometry.patches.iter().enumerate() {
+            if let Some(positions) = assembler.locate_nodes(&patch.nodes, matrix)? {
+                assembler.local_patches.push((number, positions));
+            }
+        }
+        Ok(assembler)
     }
 
     /// Locates the stiffness of loads in `matrix`, for [`Assembler::load_stiffness`].
@@ -97,16 +140,24 @@ impl<B: RealBackend> Assembler<B> {
         self.load_groups.clear();
         for (load, coupled) in loads.iter().map(|load| load.coupled_nodes()).enumerate() {
             for (group, nodes) in coupled.groups().enumerate() {
-                let components = nodes.iter().flat_map(|&node| (0..3).map(move |i| 3 * node as usize + i));
-                let rows: Vec<B::Index> = components.map(|k| self.equation_numbers[k]).collect();
-                if matrix.owns_any_row(&rows) {
-                    let mut entry_positions = Vec::new();
-                    matrix.locate(&rows, &rows, &mut entry_positions)?;
+                if let Some(entry_positions) = self.locate_nodes(nodes, matrix)? {
                     self.load_groups.push(LoadGroup { load, group, entry_positions });
                 }
             }
         }
         Ok(())
+    }
+
+    /// Returns the positions of the entries that couple nodes; `None` if none of the rows is on this rank.
+    fn locate_nodes(&self, nodes: &[u32], matrix: &B::Matrix) -> Result<Option<Vec<B::Slot>>, B::Error> {
+        let components = nodes.iter().flat_map(|&node| (0..3).map(move |i| 3 * node as usize + i));
+        let rows: Vec<B::Index> = components.map(|k| self.equation_numbers[k]).collect();
+        if !matrix.owns_any_row(&rows) {
+            return Ok(None);
+        }
+        let mut entry_positions = Vec::new();
+        matrix.locate(&rows, &rows, &mut entry_positions)?;
+        Ok(Some(entry_positions))
     }
 
     /// Returns the volumes and shape-function gradients of all points.
@@ -120,7 +171,12 @@ impl<B: RealBackend> Assembler<B> {
         &self.equation_numbers
     }
 
-    /// Computes `F` of each point from the displacements of all nodes, in meters.
+    /// Returns true if elements belong to patches; the stiffness is then unsymmetric.
+    pub fn has_patches(&self) -> bool {
+        !self.geometry.patches.is_empty()
+    }
+
+    /// Computes `F` of each point from the displacements of all nodes, in meters; at points of patches, `F_bar`.
     ///
     /// # Panics
     /// Panics if `displacements` has fewer nodes than the mesh.
@@ -129,17 +185,24 @@ impl<B: RealBackend> Assembler<B> {
         for block in &self.geometry.blocks {
             with_block!(block, b => b.deformation_gradients(displacements, gradients));
         }
+        for patch in &self.geometry.patches {
+            patch.scale_gradients(displacements, gradients);
+        }
     }
 
     /// Computes `f_a = integral P grad N_a dV`, N, for all nodes, including prescribed components, from `P` of all
-    /// points; overwrites `forces`.
+    /// points at these displacements; overwrites `forces`.
     ///
     /// # Panics
-    /// Panics if `forces` has fewer nodes than the mesh, or `pk1` fewer points.
-    pub fn internal_forces(&self, pk1: &[Matrix3<f64>], forces: &mut [[f64; 3]]) {
+    /// Panics if `displacements` or `forces` has fewer nodes than the mesh, or `pk1` fewer points.
+    pub fn internal_forces(&self, displacements: &[[f64; 3]], pk1: &[Matrix3<f64>], forces: &mut [[f64; 3]]) {
+        let mut pk1 = Cow::Borrowed(pk1);
+        for patch in &self.geometry.patches {
+            patch.scale_stresses(displacements, pk1.to_mut());
+        }
         forces.fill([0.0; 3]);
         for block in &self.geometry.blocks {
-            with_block!(block, b => b.add_internal_forces(pk1, forces));
+            with_block!(block, b => b.add_internal_forces(&pk1, forces));
         }
     }
 
@@ -155,27 +218,55 @@ impl<B: RealBackend> Assembler<B> {
     /// nodes, prescribed components included; overwrites `forces`. Skips elements whose nodes do not move.
     ///
     /// # Panics
-    /// Panics if an array has fewer nodes than the mesh, or `tangent` fewer points.
-    pub fn linearized_forces(&self, tangent: &[SMatrix<f64, 9, 9>], increments: &[[f64; 3]], forces: &mut [[f64; 3]]) {
+    /// Panics if an array has fewer nodes than the mesh, or `responses` fewer points.
+    pub fn linearized_forces(
+        &self,
+        displacements: &[[f64; 3]],
+        responses: &PointResponses,
+        increments: &[[f64; 3]],
+        forces: &mut [[f64; 3]],
+    ) {
+        let patches = self.patch_tangents(displacements, responses);
+        let tangent = patches.as_ref().map_or(&responses.tangent, |patches| &patches.tangent);
         forces.fill([0.0; 3]);
         for block in &self.geometry.blocks {
             with_block!(block, b => b.add_linearized_forces(tangent, increments, forces));
         }
+        let couplings = patches.iter().flat_map(|patches| &patches.couplings);
+        for (patch, coupling) in self.geometry.patches.iter().zip(couplings) {
+            coupling.add_linearized_forces(&patch.nodes, increments, forces);
+        }
     }
 
-    /// Adds `integral grad N_a . A . grad N_b dV`, N/m, to `k`. With a distributed matrix, each rank integrates the
-    /// elements that have rows on it.
+    /// Adds `integral grad N_a . A . grad N_b dV`, N/m, to `k`, from the responses of all points at these displacements.
+    /// With a distributed matrix, each rank integrates the elements that have rows on it.
     ///
     /// # Errors
     /// Returns the error of the backend.
     ///
     /// # Panics
-    /// Panics if `tangent` has fewer points than the mesh.
-    pub fn stiffness(&self, tangent: &[SMatrix<f64, 9, 9>], k: &mut B::Matrix) -> Result<(), B::Error> {
+    /// Panics if `displacements` has fewer nodes than the mesh, or `responses` fewer points.
+    pub fn stiffness(
+        &self,
+        displacements: &[[f64; 3]],
+        responses: &PointResponses,
+        k: &mut B::Matrix,
+    ) -> Result<(), B::Error> {
+        let patches = self.patch_tangents(displacements, responses);
+        let tangent = patches.as_ref().map_or(&responses.tangent, |patches| &patches.tangent);
         for (block, local) in self.geometry.blocks.iter().zip(&self.local_blocks) {
             with_block!(block, b => add_stiffness::<B, _, _>(b, local, tangent, k))?;
         }
+        if let Some(patches) = &patches {
+            for (patch, positions) in &self.local_patches {
+                k.add_at(positions, &patches.couplings[*patch].stiffness())?;
+            }
+        }
         Ok(())
+    }
+
+    fn patch_tangents(&self, displacements: &[[f64; 3]], responses: &PointResponses) -> Option<PatchTangents> {
+        self.has_patches().then(|| tangents(&self.geometry.patches, displacements, responses))
     }
 
     /// Adds `-df_ext/du` of the loads given to [`Assembler::locate_loads`], N/m, to `k`, at pseudo-time `t` and the
@@ -235,7 +326,7 @@ fn locate<B: RealBackend, const N: usize, const Q: usize>(
         matrix.locate(rows.as_flattened(), rows.as_flattened(), &mut entry_positions)?;
     }
     debug_assert_eq!(entry_positions.len(), count, "one position per pair of unknowns");
-    Ok(LocalBlock { elements, entry_positions })
+    Ok(LocalBlock { elements, entry_positions, has_patches: false })
 }
 
 fn add_stiffness<B: RealBackend, const N: usize, const Q: usize>(
@@ -247,7 +338,12 @@ fn add_stiffness<B: RealBackend, const N: usize, const Q: usize>(
     let tangent = block.of_points(tangent);
     for (&element, positions) in local.elements.iter().zip(local.entry_positions.chunks_exact(9 * N * N)) {
         let element = element as usize;
-        k.add_at(positions, local::entries(&local::stiffness(&block.points[element], &tangent[element])))?;
+        let (points, tangent) = (&block.points[element], &tangent[element]);
+        if local.has_patches {
+            k.add_at(positions, local::entries(&local::unsymmetric_stiffness(points, tangent)))?;
+        } else {
+            k.add_at(positions, local::entries(&local::stiffness(points, tangent)))?;
+        }
     }
     Ok(())
 }

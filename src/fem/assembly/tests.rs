@@ -2,12 +2,13 @@ use std::sync::Arc;
 
 use super::*;
 use crate::backends::sparse::Sparse;
+use crate::fem::element::ElementType;
 use crate::fem::material::NeoHookean;
 use crate::fem::mesh::Mesh;
 use crate::fem::mesh::shapes;
 use crate::fem::point_field::{FormulaField, PointField, PointResponses};
 
-/// A box of 48 elements, fixed at `x = 0`, bent and stretched.
+/// A box, fixed at `x = 0`, bent and stretched.
 struct Bent {
     mesh: Mesh,
     unknowns: Unknowns,
@@ -19,7 +20,10 @@ struct Bent {
 
 impl Bent {
     fn new() -> Self {
-        let mesh = shapes::cuboid([2, 2, 2], [1.0, 0.7, 0.5]).unwrap();
+        Self::of(shapes::cuboid([2, 2, 2], [1.0, 0.7, 0.5]).unwrap())
+    }
+
+    fn of(mesh: Mesh) -> Self {
         let unknowns = Unknowns::new(mesh.nodes().len(), |node, _| mesh.nodes()[node][0] == 0.0).unwrap();
         let matrix = Sparse::matrix(&(), &Arc::new(unknowns.pattern(&mesh).unwrap())).unwrap();
         let assembler = Assembler::new(geometry(&mesh).unwrap(), &unknowns, &matrix).unwrap();
@@ -38,16 +42,33 @@ impl Bent {
     fn forces(&mut self, displacements: &[[f64; 3]]) -> Vec<[f64; 3]> {
         let responses = self.evaluate(displacements);
         let mut forces = vec![[7.0; 3]; displacements.len()];
-        self.assembler.internal_forces(&responses.pk1, &mut forces);
+        self.assembler.internal_forces(displacements, &responses.pk1, &mut forces);
         forces
     }
 }
 
 #[test]
 fn the_stiffness_is_the_slope_of_the_forces() {
-    let mut bent = Bent::new();
-    let tangent = bent.evaluate(&bent.displacements.clone()).tangent;
-    bent.assembler.stiffness(&tangent, &mut bent.matrix).unwrap();
+    for mut bent in [Bent::new(), with_patches(ElementType::Tet4), with_patches(ElementType::Hex8)] {
+        the_stiffness_is_the_slope_of_its_forces(&mut bent);
+    }
+}
+
+/// Tetrahedra or hexahedra in patches, beside elements without.
+fn with_patches(element_type: ElementType) -> Bent {
+    let mesh = shapes::cuboid_of(element_type, [2, 2, 2], [1.0, 0.7, 0.5]).unwrap();
+    let region_of = (0..mesh.elements().len()).map(|element| u32::from(mesh.center(element)[0] > 0.5)).collect();
+    let regions = vec!["left".to_owned(), "right".to_owned()];
+    let mesh = Mesh::new(mesh.nodes().to_vec(), mesh.elements().clone(), region_of, regions, vec![]).unwrap();
+    let mesh = mesh.with_patches(|region| region == 1);
+    assert_eq!(mesh.patches().len(), 4);
+    Bent::of(mesh)
+}
+
+fn the_stiffness_is_the_slope_of_its_forces(bent: &mut Bent) {
+    let at = bent.displacements.clone();
+    let responses = bent.evaluate(&at);
+    bent.assembler.stiffness(&at, &responses, &mut bent.matrix).unwrap();
     let rows = bent.assembler.equation_numbers().to_vec();
     let h = 1e-6;
     for (k, &column) in rows.iter().enumerate().filter(|(_, row)| **row >= 0) {
@@ -68,15 +89,20 @@ fn the_stiffness_is_the_slope_of_the_forces() {
 
 #[test]
 fn the_linearized_forces_are_the_slope_along_an_increment() {
-    let mut bent = Bent::new();
+    for mut bent in [Bent::new(), with_patches(ElementType::Tet4), with_patches(ElementType::Hex8)] {
+        the_linearized_forces_are_their_slope(&mut bent);
+    }
+}
+
+fn the_linearized_forces_are_their_slope(bent: &mut Bent) {
     let at = bent.displacements.clone();
-    let tangent = bent.evaluate(&at).tangent;
+    let responses = bent.evaluate(&at);
     // Only the fixed face moves.
     let held = |a: usize| bent.unknowns.equation_numbers()[3 * a] < 0;
     let increments: Vec<[f64; 3]> =
         (0..at.len()).map(|a| if held(a) { [0.3, -0.2, 0.1 * a as f64] } else { [0.0; 3] }).collect();
     let mut linear = vec![[7.0; 3]; at.len()];
-    bent.assembler.linearized_forces(&tangent, &increments, &mut linear);
+    bent.assembler.linearized_forces(&at, &responses, &increments, &mut linear);
     let h = 1e-6;
     let moved = |by: f64| -> Vec<[f64; 3]> {
         at.iter().zip(&increments).map(|(u, d)| std::array::from_fn(|i| u[i] + by * d[i])).collect()
@@ -122,4 +148,27 @@ fn rounding_errors_stay_below_the_floor() {
     let left = forces.as_flattened().iter().map(|f| f * f).sum::<f64>().sqrt();
     assert!(left > 0.0 && left < floor, "{left:e} of {floor:e}");
     assert!(floor < 1e3 * left, "{left:e} of {floor:e}: no more than rounding");
+}
+
+#[test]
+fn the_forces_of_patches_balance_and_their_points_share_a_dilatation() {
+    for element_type in [ElementType::Tet4, ElementType::Hex8] {
+        let mut bent = with_patches(element_type);
+        let displacements = bent.displacements.clone();
+        let mut gradients = Vec::new();
+        bent.assembler.deformation_gradients(&displacements, &mut gradients);
+        for patch in bent.mesh.patches() {
+            let points = patch.iter().flat_map(|&element| bent.mesh.points().of_element(element as usize));
+            let dilatations: Vec<f64> = points.map(|point| gradients[point].determinant()).collect();
+            assert!(dilatations.iter().all(|j| (j - dilatations[0]).abs() < 1e-14), "{dilatations:?}");
+        }
+        let forces = bent.forces(&displacements);
+        let (mut sum, mut moment) = (nalgebra::Vector3::zeros(), nalgebra::Vector3::zeros());
+        for ((x, u), f) in bent.mesh.nodes().iter().zip(&displacements).zip(&forces) {
+            let (x, u, f) = (nalgebra::Vector3::from(*x), nalgebra::Vector3::from(*u), nalgebra::Vector3::from(*f));
+            sum += f;
+            moment += (x + u).cross(&f);
+        }
+        assert!(sum.norm() < 1e-13 && moment.norm() < 1e-13, "{sum} {moment}");
+    }
 }

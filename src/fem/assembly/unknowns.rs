@@ -59,15 +59,24 @@ impl Unknowns {
         self.free
     }
 
-    /// Returns the sparsity pattern of the stiffness of `mesh`.
+    /// Returns the sparsity pattern of the stiffness of `mesh`: each element couples its nodes, and each patch of
+    /// elements ([`Mesh::patches`]) all nodes of its elements.
     ///
     /// # Errors
     /// Returns [`SparsityError::TooLarge`] if the pattern exceeds the range of a 32-bit index.
     pub fn pattern(&self, mesh: &Mesh) -> Result<Sparsity, SparsityError> {
-        let of_element = |nodes: &[u32]| -> Vec<i32> {
+        let equations = |nodes: &[u32]| -> Vec<i32> {
             nodes.iter().flat_map(|&node| &self.equation_numbers[3 * node as usize..][..3]).copied().collect()
         };
-        Sparsity::from_elements(self.free, mesh.elements().iter().map(of_element))
+        let patches = mesh.patches().iter().filter(|patch| patch.len() > 1);
+        let of_patch = |patch: &Vec<u32>| -> Vec<u32> {
+            let mut nodes: Vec<u32> = patch.iter().flat_map(|&e| &mesh.elements()[e as usize]).copied().collect();
+            nodes.sort_unstable();
+            nodes.dedup();
+            nodes
+        };
+        let of_patches = patches.map(|patch| equations(&of_patch(patch)));
+        Sparsity::from_elements(self.free, mesh.elements().iter().map(equations).chain(of_patches))
     }
 }
 

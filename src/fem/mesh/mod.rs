@@ -5,6 +5,7 @@
 //! | this one | [`Mesh`] with its invariants and queries |
 //! | `cells`, `points` | [`Elements`] and [`Faces`] in blocks of one type; the numbering of the integration points |
 //! | `quadratic` | quadratic elements from linear ones |
+//! | `patches` | patches of linear elements that share one dilatation |
 //! | [`gmsh`] | reading and writing of Gmsh `.msh` files, versions 2.2 and 4.1 |
 //! | [`shapes`] | the built-in box and dogbone |
 //!
@@ -22,6 +23,7 @@ mod check;
 mod faces;
 pub mod gmsh;
 mod measure;
+mod patches;
 mod points;
 mod quadratic;
 pub mod shapes;
@@ -52,6 +54,7 @@ pub struct Mesh {
     region_of: Vec<u32>,
     regions: Vec<String>,
     surfaces: Vec<Surface>,
+    patches: Vec<Vec<u32>>,
 }
 
 /// A named set of faces on the boundary or between elements.
@@ -91,7 +94,7 @@ impl Mesh {
     ) -> Result<Self, MeshError> {
         let elements = elements.into();
         let points = PointNumbering::new(&elements);
-        let mut mesh = Self { nodes, elements, points, region_of, regions, surfaces };
+        let mut mesh = Self { nodes, elements, points, region_of, regions, surfaces, patches: Vec::new() };
         check::sizes(&mesh)?;
         check::nodes(&mesh)?;
         check::elements(&mesh)?;
@@ -112,7 +115,7 @@ impl Mesh {
     ) -> Result<Self, MeshError> {
         let regions = regions.iter().map(|&name| name.to_owned()).collect();
         let points = PointNumbering::new(&elements);
-        let mesh = Self { nodes, elements, points, region_of, regions, surfaces };
+        let mesh = Self { nodes, elements, points, region_of, regions, surfaces, patches: Vec::new() };
         check::nodes(&mesh)?;
         check::elements(&mesh)?;
         Ok(mesh)

@@ -62,7 +62,7 @@ use super::reactions::BoundaryForces;
 use super::rigid_modes;
 use crate::las::{
     Backend, NewtonError, NewtonFailure, NewtonReport, NewtonSystem, NonlinearProblem, RealBackend, SolveError,
-    SolverParams, VectorOps,
+    SolverParams, Symmetry, VectorOps,
 };
 
 /// A body, its linear system, and its position in pseudo-time.
@@ -142,7 +142,8 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
         rigid_modes::check(&mesh, &prescribed)?;
         let unknowns = Unknowns::in_order(order, |node, component| prescribed[node][component])?;
         let pattern = Arc::new(unknowns.pattern(&mesh)?);
-        let solver = SolverParams { symmetry: boundary.symmetry(params.solver.symmetry), ..params.solver };
+        let elements = if mesh.patches().is_empty() { params.solver.symmetry } else { Symmetry::None };
+        let solver = SolverParams { symmetry: boundary.symmetry(elements), ..params.solver };
         let symbolic = B::analyze(context, &pattern, &solver)?;
         let system = NewtonSystem::new(context, &pattern, &symbolic)?;
         let mut assembler = Assembler::new(geometry, &unknowns, &system.matrix).map_err(SolveError::Backend)?;
