@@ -9,11 +9,11 @@ mod bar_of_24_tets;
 #[cfg(feature = "sparse")]
 mod convergence;
 #[cfg(feature = "sparse")]
+mod cooks_membrane;
+#[cfg(feature = "sparse")]
 mod elements;
 #[cfg(feature = "sparse")]
 mod equilibrium;
-#[cfg(feature = "sparse")]
-mod f_bar;
 mod gmsh;
 #[cfg(feature = "sparse")]
 mod state_dependent_loads;

@@ -101,7 +101,6 @@ fn tetrahedra_by_edge(mesh: &Mesh, tetrahedra: &[u32]) -> Vec<Vec<u32>> {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use crate::fem::mesh::shapes;
 
     #[test]
