@@ -2,13 +2,13 @@
 
 use std::sync::Arc;
 
-use super::case::{BodyForceCase, BoundaryCase, Case, MeshSource, PointPlace, SurfaceLoad};
+use super::case::{BodyForceCase, BoundaryCase, Case, MeshSource, PointPlace, QuadraticCase, SurfaceLoad};
 use crate::fem::boundary::{
     BodyForce, Boundary, BoundaryError, Conditions, LoadCondition, PointCondition, PointLocation, SurfaceCondition,
     Traction,
 };
 use crate::fem::mesh::shapes::{self, ShapeError};
-use crate::fem::mesh::{Mesh, gmsh};
+use crate::fem::mesh::{Mesh, MeshError, gmsh};
 use crate::fem::stepping::StepParams;
 use crate::input::{InputError, InputErrors};
 
@@ -23,10 +23,16 @@ pub fn mesh(case: &Case) -> Result<(Mesh, Vec<String>), InputErrors> {
             let read = gmsh::read(path)?;
             (read.mesh, read.warnings)
         }
-        MeshSource::Box { cells, size } => (generated(case, shapes::cuboid(*cells, *size))?, Vec::new()),
+        MeshSource::Box { cells, size, element } => {
+            (generated(case, shapes::cuboid_of(*element, *cells, *size))?, Vec::new())
+        }
         MeshSource::Dogbone { element_size } => {
             (generated(case, shapes::dogbone(&shapes::DogboneShape::default(), *element_size))?, Vec::new())
         }
+    };
+    let mesh = match case.quadratic {
+        Some(to) => quadratic(case, &mesh, to)?,
+        None => mesh,
     };
     let mesh = match case.mesh_scale {
         1.0 => mesh,
@@ -58,6 +64,26 @@ fn generated(case: &Case, mesh: Result<Mesh, ShapeError>) -> Result<Mesh, InputE
         _ => ("lengths of a valid body".into(), "correct the lengths of `generate`: they are in mesh units"),
     };
     Err(InputError::at_line(&case.file, case.mesh_line, error.to_string(), expected, cure))
+}
+
+/// Returns the mesh with elements of order 2, or reports at its line why there are none.
+fn quadratic(case: &Case, mesh: &Mesh, to: QuadraticCase) -> Result<Mesh, InputError> {
+    let error = |what: String, cure: &str| {
+        InputError::at_line(&case.file, to.line, what, "a mesh of tetrahedra and hexahedra of order 1", cure)
+    };
+    let mut quadratic = mesh.elements().typed().enumerate();
+    if let Some((element, (of, _))) = quadratic.find(|(_, (of, _))| of.is_quadratic()) {
+        let what = format!("`order = 2`, but element {element} of the mesh ({}) is of order 2 already", of.name());
+        return Err(error(what, "remove `order`"));
+    }
+    mesh.quadratic(to.hexahedra).map_err(|reason| match reason {
+        MeshError::NoQuadraticType { element } => {
+            let what =
+                format!("`order = 2`, but element {element} of the mesh is a wedge, and there are none of order 2");
+            error(what, "remove `order`, or mesh the body with tetrahedra and hexahedra only")
+        }
+        other => error(format!("the mesh has no form of order 2: {other}"), "remove `order`"),
+    })
 }
 
 /// Applies the boundary conditions of a case to its mesh.

@@ -2,8 +2,9 @@
 use std::path::Path;
 use std::process::{Command, Output};
 
+use biotissue::fem::element::ElementType;
 use biotissue::fem::mesh::gmsh;
-use biotissue::fem::mesh::shapes::{DogboneShape, cuboid, dogbone};
+use biotissue::fem::mesh::shapes::{DogboneShape, cuboid, cuboid_of, dogbone};
 
 fn mesh(folder: &Path, arguments: &str) -> Output {
     let program = env!("CARGO_BIN_EXE_biotissue");
@@ -31,6 +32,26 @@ fn box_in_every_format() {
             serde_json::json!({ "name": "x1", "triangles": 4, "quadrilaterals": 0, "area": 0.5 })
         );
         assert_eq!(gmsh::read(&folder.path().join("box.msh")).unwrap().mesh, expected);
+    }
+}
+
+#[test]
+fn boxes_of_other_elements() {
+    let folder = tempfile::tempdir().unwrap();
+    for (arguments, element_type, points) in [
+        ("--element tet4 --order 2", ElementType::Tet10, 48),
+        ("--element hex8", ElementType::Hex8, 16),
+        ("--element hex8 --order 2", ElementType::Hex20, 54),
+        ("--element hex8 --order 2 --hexahedra 27", ElementType::Hex27, 54),
+        ("--element wedge6", ElementType::Wedge6, 24),
+    ] {
+        let output = mesh(folder.path(), &format!("box --cells 2,1,1 {arguments} -o box.msh --json"));
+        let summary = summary(&output);
+        let expected = cuboid_of(element_type, [2, 1, 1], [1.0; 3]).unwrap();
+        assert_eq!(gmsh::read(&folder.path().join("box.msh")).unwrap().mesh, expected, "{arguments}");
+        let types = serde_json::json!({ element_type.name(): expected.elements().len() });
+        assert_eq!(summary["element_types"], types);
+        assert_eq!(summary["integration_points"], serde_json::json!(points));
     }
 }
 
@@ -67,6 +88,13 @@ fn invalid_arguments_are_reported() {
         ("box --cells 9999,9999,9999 -o a.msh", 2, "error: 5998200179994 elements are more than the 50000000"),
         ("dogbone --element-size nan -o a.msh", 2, "error: the element size is NaN: it must be positive and finite"),
         ("dogbone --element-size 1 -o a.msh", 2, "error: the element size 1 exceeds the grip width, 0.01"),
+        (
+            "box --cells 1,1,1 --element wedge6 --order 2 -o a.msh",
+            2,
+            "error: --order 2: there are no wedges of order 2",
+        ),
+        ("box --cells 1,1,1 --hexahedra 27 -o a.msh", 2, "error: --hexahedra 27 is given without --order 2"),
+        ("box --cells 1,1,1 --order 3 -o a.msh", 2, "3 is not in 1..=2"),
         ("box --cells 1,1,1 -o file/a.msh", 4, "error: file/a.msh: cannot be written: "),
     ] {
         let output = mesh(folder.path(), arguments);

@@ -29,6 +29,50 @@ fn read(folder: &Path, name: &str) -> String {
     std::fs::read_to_string(folder.join(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
 }
 
+/// A mesh of order 2 that a case generates equals that of a file; meshes without such a form are reported.
+#[test]
+fn a_case_chooses_elements_and_their_order() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let formula = case(&format!("{{ {CONSTANTS} }}"), "");
+    let boxed = |element: &str| {
+        format!("generate = {{ shape = \"box\", cells = [2, 1, 1], size = [1.0, 0.5, 0.5], element = \"{element}\" }}")
+    };
+    for (element_type, linear, order) in [
+        (ElementType::Hex20, "hex8", "order = 2"),
+        (ElementType::Hex27, "hex8", "order = 2\nhexahedra = 27"),
+        (ElementType::Wedge6, "wedge6", "order = 1"),
+    ] {
+        mesh(folder, element_type);
+        std::fs::write(folder.join("file.toml"), &formula).unwrap();
+        let generated = formula.replace("file = \"box.msh\"", &format!("{}\n{order}", boxed(linear)));
+        std::fs::write(folder.join("generated.toml"), generated).unwrap();
+        line(folder, "run file.toml --out file").done();
+        line(folder, "run generated.toml --out generated").done();
+        assert_eq!(read(folder, "generated/loads.csv"), read(folder, "file/loads.csv"), "{element_type:?}");
+        line(folder, "run generated/case.toml --out again").done();
+        let plan = line(folder, "check generated.toml");
+        let count = if element_type == ElementType::Wedge6 { 4 } else { 2 };
+        let points = count * element_type.points();
+        let types = format!("elements   {count} {}; {points} integration points", element_type.name());
+        assert!(plan.done().contains(&types), "{}", plan.stdout);
+    }
+    std::fs::write(folder.join("file.toml"), formula.replace("box.msh\"", "box.msh\"\norder = 2")).unwrap();
+    let refused = line(folder, "check file.toml");
+    assert!(
+        refused.failed(2).contains("file.toml:3: `order = 2`, but element 0 of the mesh is a wedge"),
+        "{}",
+        refused.stderr
+    );
+    mesh(folder, ElementType::Tet10);
+    let refused = line(folder, "check file.toml");
+    assert!(
+        refused.failed(2).contains("file.toml:3: `order = 2`, but element 0 of the mesh (tet10) is of order 2"),
+        "{}",
+        refused.stderr
+    );
+}
+
 /// RVEs of matrix alone give the history of the formula bit for bit, on any number of ranks.
 #[test]
 fn an_rve_at_every_point_reproduces_the_formula() {

@@ -3,6 +3,8 @@
 use std::path::PathBuf;
 
 use crate::fem::boundary::LoadCurve;
+use crate::fem::element::ElementType;
+use crate::fem::mesh::QuadraticHexahedron;
 use crate::fem::stepping::StepStart;
 use crate::las::Method;
 use crate::tissue::materials::{ElementSelection, Materials, Region, RegionMaterial, RveParams};
@@ -20,6 +22,8 @@ pub struct Case {
     pub mesh_line: usize,
     /// Length of one mesh unit, m.
     pub mesh_scale: f64,
+    /// Elements of order 2 in place of those of the source; `None` leaves the elements as they are.
+    pub quadratic: Option<QuadraticCase>,
     /// Regions with their materials.
     pub regions: Vec<RegionCase>,
     /// Boundary conditions on surfaces.
@@ -51,7 +55,7 @@ impl Case {
 /// The source of a mesh.
 #[derive(Clone, Debug, PartialEq)]
 pub enum MeshSource {
-    /// A Gmsh file.
+    /// A Gmsh file, or a VTK file if its name ends in `.vtu`.
     File(PathBuf),
     /// The built-in box.
     Box {
@@ -59,12 +63,23 @@ pub enum MeshSource {
         cells: [usize; 3],
         /// Edge lengths, in mesh units.
         size: [f64; 3],
+        /// The type of the elements, of order 1.
+        element: ElementType,
     },
     /// The built-in dogbone.
     Dogbone {
         /// Target edge length of the elements, in mesh units.
         element_size: f64,
     },
+}
+
+/// The elements of order 2 that replace those of order 1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct QuadraticCase {
+    /// The type of the hexahedra.
+    pub hexahedra: QuadraticHexahedron,
+    /// Line of the case file.
+    pub line: usize,
 }
 
 /// A region and its material.

@@ -76,10 +76,12 @@
 //! "#;
 //! # use std::path::Path;
 //! use biotissue::app::case::{Case, MeshSource};
+//! use biotissue::fem::element::ElementType;
 //!
 //! let file = Case::parse(text, Path::new("block.toml"))?;
 //! assert!(file.warnings.is_empty());
-//! assert_eq!(file.case.mesh, MeshSource::Box { cells: [4, 2, 2], size: [2.0, 1.0, 1.0] });
+//! let element = ElementType::Tet4;
+//! assert_eq!(file.case.mesh, MeshSource::Box { cells: [4, 2, 2], size: [2.0, 1.0, 1.0], element });
 //! assert_eq!(file.case.boundaries[1].curve.factor(0.25), 0.5);
 //!
 //! let names = |list: &[&str]| list.iter().map(|name| name.to_string()).collect::<Vec<_>>();
@@ -154,6 +156,20 @@
 //! of its residual over that of its right-hand side; it limits the accuracy of the RVE tangents. The numbers above are
 //! the defaults; without a `preconditioner`, `cg` uses `diagonal` and the others `ilut`. An incomplete LU factorization
 //! is not symmetric: if it drops many entries, `cg` may fail with it; use `gmres` or `bicgstab` then.
+//!
+//! # Elements
+//!
+//! ```toml
+//! [mesh]
+//! generate = { shape = "box", cells = [4, 2, 2], size = [2.0, 1.0, 1.0], element = "hex8" }   # default "tet4"
+//! order = 2                                # default 1: the elements as they are in the file or the shape
+//! hexahedra = 27                           # nodes of a hexahedron of order 2; default 20
+//! ```
+//!
+//! The box consists of six tetrahedra per cell (`tet4`), of two wedges (`wedge6`), or of one hexahedron (`hex8`).
+//! `order = 2` replaces linear tetrahedra by those of 10 nodes, and linear hexahedra by those of 20 or 27 nodes, in any
+//! source of the mesh; the new nodes lie at the centers of edges, faces and elements, so that curved surfaces do not
+//! become smoother. There are no wedges of order 2. A mesh that is of order 2 in its file needs no `order`.
 //!
 //! # Restrictions
 //!

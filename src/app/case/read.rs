@@ -75,7 +75,7 @@ fn read(root: &mut Table<'_>, path: &Path, base: &Path) -> Option<Case> {
     let scales = section::scales(root);
     let any_network = regions.iter().any(|region| matches!(region.material, RegionMaterial::FiberRve(_)));
     let output = section::output(root, base, any_network);
-    let section::MeshSection { source: mesh, line: mesh_line, scale: mesh_scale } = mesh?;
+    let section::MeshSection { source: mesh, line: mesh_line, scale: mesh_scale, quadratic } = mesh?;
     let stem = || path.file_stem().map_or_else(|| "case".into(), |stem| stem.to_string_lossy().into_owned());
     Some(Case {
         file: path.into(),
@@ -83,6 +83,7 @@ fn read(root: &mut Table<'_>, path: &Path, base: &Path) -> Option<Case> {
         mesh,
         mesh_line,
         mesh_scale,
+        quadratic,
         regions,
         boundaries,
         points,

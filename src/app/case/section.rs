@@ -2,11 +2,13 @@
 
 use std::path::Path;
 
+use crate::fem::element::ElementType;
+use crate::fem::mesh::QuadraticHexahedron;
 use crate::fem::stepping::StepStart;
 use crate::fiber::equilibrium::{Stage, Stages};
 use crate::tissue::materials::{ElementSelection, RveParams};
 
-use super::data::{MeshSource, NewtonCase, OutputCase, ScalesCase, StepsCase};
+use super::data::{MeshSource, NewtonCase, OutputCase, QuadraticCase, ScalesCase, StepsCase};
 use super::networks::missing_file;
 use super::problems::alternatives;
 use super::range::Range;
@@ -25,6 +27,7 @@ pub(super) struct MeshSection {
     pub(super) line: usize,
     /// Length of one mesh unit, m.
     pub(super) scale: f64,
+    pub(super) quadratic: Option<QuadraticCase>,
 }
 
 pub(super) fn mesh(root: &mut Table<'_>, base: &Path) -> Option<MeshSection> {
@@ -35,8 +38,38 @@ pub(super) fn mesh(root: &mut Table<'_>, base: &Path) -> Option<MeshSection> {
         Some(Either::Second(generate)) => (generate.table().and_then(generated), generate.line),
         None => (None, table.line),
     };
+    let quadratic = quadratic(&mut table, source.as_ref());
     table.report_unknown_keys();
-    Some(MeshSection { source: source?, line, scale })
+    Some(MeshSection { source: source?, line, scale, quadratic })
+}
+
+/// Reads the order of the elements and the type of quadratic hexahedra.
+fn quadratic(table: &mut Table<'_>, source: Option<&MeshSource>) -> Option<QuadraticCase> {
+    let order = table.get("order");
+    let hexahedra = table.get("hexahedra");
+    let number = order.as_ref().and_then(|order| order.integer(&(1..=2)));
+    let nodes = hexahedra.as_ref().and_then(|value| match value.inner.as_integer()?.as_str() {
+        "20" => Some(QuadraticHexahedron::Serendipity),
+        "27" => Some(QuadraticHexahedron::Triquadratic),
+        _ => None,
+    });
+    if let (Some(hexahedra), None) = (&hexahedra, nodes) {
+        let expected = "20 or 27, the number of nodes of a hexahedron of order 2";
+        hexahedra.report_invalid(expected, "write one of these, without quotes");
+    }
+    if let (Some(hexahedra), None | Some(1)) = (&hexahedra, number)
+        && (order.is_none() || number.is_some())
+    {
+        let expected = "`hexahedra` beside `order = 2`: it is the number of nodes of the new hexahedra";
+        hexahedra.report_error("is given without `order = 2`", expected, "add `order = 2`, or remove `hexahedra`");
+    }
+    let order = order.filter(|_| number == Some(2))?;
+    if matches!(source, Some(MeshSource::Box { element: ElementType::Wedge6, .. })) {
+        let cure = "remove `order`, or write element = \"tet4\" or \"hex8\"";
+        order.report_error("is 2, but there are no wedges of order 2", "tetrahedra or hexahedra", cure);
+        return None;
+    }
+    Some(QuadraticCase { hexahedra: nodes.unwrap_or_default(), line: order.line })
 }
 
 fn mesh_file(value: &Value<'_>, base: &Path) -> Option<MeshSource> {
@@ -69,7 +102,9 @@ fn generated(mut table: Table<'_>) -> Option<MeshSource> {
             let size = table
                 .require("size", "three numbers above 0, in mesh units: x, y, z")
                 .and_then(|value| value.vector(Range::above(0.0, "mesh units")));
-            cells.zip(size).map(|(cells, size)| MeshSource::Box { cells, size })
+            let types = [ElementType::Tet4, ElementType::Hex8, ElementType::Wedge6].map(|each| (each.name(), each));
+            let element = table.get("element").map_or(Some(ElementType::Tet4), |value| value.choice(&types));
+            cells.zip(size).zip(element).map(|((cells, size), element)| MeshSource::Box { cells, size, element })
         }
         Shape::Dogbone => table
             .required_number("element_size", Range::above(0.0, "mesh units"))

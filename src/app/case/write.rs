@@ -7,6 +7,8 @@ use std::fmt::Debug;
 use std::path::Path;
 
 use crate::fem::boundary::LoadCurve;
+use crate::fem::element::ElementType;
+use crate::fem::mesh::QuadraticHexahedron;
 use crate::fem::stepping::StepStart;
 use crate::fiber::equilibrium::Stage;
 use crate::fiber::law::{FiberLaw, FiberMaterial, Law};
@@ -30,7 +32,10 @@ impl Case {
         let Self { steps, newton, micro, scales, output, .. } = self;
         let mut out = format!("# The case as run by biotissue {}, defaults filled in.\n", env!("CARGO_PKG_VERSION"));
         write(&mut out, [text("title", &self.title)]);
-        section(&mut out, "[mesh]", [mesh(&self.mesh), entry("scale", self.mesh_scale)]);
+        // Only keys that earlier versions know are written always: a checkpoint compares the lines of the case.
+        let quadratic = self.quadratic.map(|quadratic| quadratic_entries(quadratic.hexahedra));
+        let entries = [mesh(&self.mesh)].into_iter().chain(quadratic.into_iter().flatten());
+        section(&mut out, "[mesh]", entries.chain([entry("scale", self.mesh_scale)]));
         for region in &self.regions {
             section(&mut out, "[[region]]", [text("name", &region.name)]);
             out.push_str("[region.material]\n");
@@ -129,13 +134,23 @@ fn table<'a, 'b>(key: &'a str, entries: impl IntoIterator<Item = Entry<'b>>) -> 
 fn mesh(source: &MeshSource) -> Entry<'static> {
     match source {
         MeshSource::File(file) => path("file", file),
-        MeshSource::Box { cells, size } => {
-            table("generate", [entry("shape", "box"), entry("cells", cells), entry("size", size)])
+        MeshSource::Box { cells, size, element } => {
+            let element = (*element != ElementType::Tet4).then(|| entry("element", element.name()));
+            let entries = [entry("shape", "box"), entry("cells", cells), entry("size", size)];
+            table("generate", entries.into_iter().chain(element))
         }
         MeshSource::Dogbone { element_size } => {
             table("generate", [entry("shape", "dogbone"), entry("element_size", element_size)])
         }
     }
+}
+
+fn quadratic_entries(hexahedra: QuadraticHexahedron) -> [Entry<'static>; 2] {
+    let nodes = match hexahedra {
+        QuadraticHexahedron::Serendipity => 20,
+        QuadraticHexahedron::Triquadratic => 27,
+    };
+    [entry("order", 2), entry("hexahedra", nodes)]
 }
 
 fn fiber_rve(rve: &FiberRve) -> Vec<Entry<'static>> {

@@ -1,5 +1,6 @@
 //! `biotissue check`: reads and checks a case and all its files, and prints the plan without solving anything.
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use biotissue::app::case::Case;
@@ -45,6 +46,8 @@ struct Plan {
     title: String,
     backend: &'static str,
     elements: usize,
+    element_types: BTreeMap<&'static str, usize>,
+    integration_points: usize,
     nodes: usize,
     unknowns: usize,
     rves: usize,
@@ -70,6 +73,8 @@ impl Job for CheckJob {
             title: setup.case().title.clone(),
             backend: B::NAME,
             elements,
+            element_types: setup.mesh().elements().count_by_type().iter().map(|(of, n)| (of.name(), *n)).collect(),
+            integration_points: setup.mesh().points().len(),
             nodes,
             unknowns,
             rves,
@@ -88,9 +93,11 @@ impl Job for CheckJob {
 
 impl Plan {
     fn text(&self) -> String {
+        let types: Vec<String> = self.element_types.iter().map(|(of, count)| format!("{count} {of}")).collect();
         let mut lines = vec![
             format!("title      {}", self.title),
             format!("mesh       {} elements, {} nodes", self.elements, self.nodes),
+            format!("elements   {}; {} integration points", types.join(", "), self.integration_points),
             format!("regions    {}", self.regions.join(", ")),
             format!("surfaces   {}", self.surfaces.join(", ")),
             format!("unknowns   {} free, backend {}", self.unknowns, self.backend),

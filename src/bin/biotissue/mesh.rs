@@ -1,11 +1,12 @@
 //! `biotissue mesh`: writes the built-in meshes as Gmsh files.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use biotissue::fem::element::CellType;
+use biotissue::fem::element::{CellType, ElementType};
 use biotissue::fem::mesh::gmsh::{self, Version, WriteOptions};
 use biotissue::fem::mesh::shapes::{self, DogboneShape, ShapeError};
-use biotissue::fem::mesh::{Faces, Mesh, Surface};
+use biotissue::fem::mesh::{Faces, Mesh, MeshError, QuadraticHexahedron, Surface};
 use clap::{Args, Subcommand, ValueEnum};
 
 use crate::failure::Failure;
@@ -17,12 +18,17 @@ use crate::output::{make_folder_of, print, print_json};
 pub enum MeshCommand {
     /// A box with its lowest corner at the origin: region `body`, surfaces x0 x1 y0 y1 z0 z1
     Box {
-        /// Cells along x, y and z, each cut into six tetrahedra
+        /// Cells along x, y and z
         #[arg(long, value_name = "NX,NY,NZ", value_parser = three::<usize>, allow_hyphen_values = true)]
         cells: [usize; 3],
         /// Lengths along x, y and z, in meters
         #[arg(long, value_name = "X,Y,Z", value_parser = three::<f64>, default_value = "1,1,1", allow_hyphen_values = true)]
         size: [f64; 3],
+        /// Elements: six tetrahedra per cell, one hexahedron, or two wedges
+        #[arg(long, value_enum, default_value = "tet4")]
+        element: BoxElement,
+        #[command(flatten)]
+        order: Order,
         #[command(flatten)]
         output: Output,
     },
@@ -34,8 +40,53 @@ pub enum MeshCommand {
         #[command(flatten)]
         shape: ShapeArguments,
         #[command(flatten)]
+        order: Order,
+        #[command(flatten)]
         output: Output,
     },
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+pub enum BoxElement {
+    Tet4,
+    Hex8,
+    Wedge6,
+}
+
+/// The order of the elements.
+#[derive(Args)]
+pub struct Order {
+    /// Order of the elements; 2 adds nodes at the centers of edges
+    #[arg(long, value_name = "1|2", value_parser = clap::value_parser!(u8).range(1..=2), default_value = "1")]
+    order: u8,
+    /// Nodes of a hexahedron of order 2; 27 adds the centers of faces and elements [default: 20]
+    #[arg(long, value_name = "20|27", value_parser = ["20", "27"])]
+    hexahedra: Option<String>,
+}
+
+impl Order {
+    /// Returns the mesh with elements of this order.
+    fn apply(&self, mesh: Mesh) -> Result<Mesh, Failure> {
+        let hexahedra = match self.hexahedra.as_deref() {
+            Some(nodes) if self.order == 1 => {
+                let problem = format!("--hexahedra {nodes} is given without --order 2");
+                return Err(Failure::arguments(problem, "--order 2 beside it", "add --order 2, or omit --hexahedra"));
+            }
+            Some("27") => QuadraticHexahedron::Triquadratic,
+            _ => QuadraticHexahedron::Serendipity,
+        };
+        if self.order == 1 {
+            return Ok(mesh);
+        }
+        mesh.quadratic(hexahedra).map_err(|error| match error {
+            MeshError::NoQuadraticType { .. } => Failure::arguments(
+                "--order 2: there are no wedges of order 2",
+                "tetrahedra or hexahedra",
+                "omit --order, or choose --element tet4 or hex8",
+            ),
+            other => Failure::arguments(other.to_string(), "a mesh of order 1", "omit --order"),
+        })
+    }
 }
 
 /// Dimensions of the dogbone that differ from the default ones.
@@ -110,11 +161,20 @@ fn three<T: std::str::FromStr + Copy>(text: &str) -> Result<[T; 3], String> {
 
 /// Makes the mesh, writes it and prints a summary.
 pub fn run(command: MeshCommand) -> Result<(), Failure> {
-    let (mesh, output) = match command {
-        MeshCommand::Box { cells, size, output } => (shapes::cuboid(cells, size), output),
-        MeshCommand::Dogbone { element_size, shape, output } => (shapes::dogbone(&shape.shape(), element_size), output),
+    let (mesh, order, output) = match command {
+        MeshCommand::Box { cells, size, element, order, output } => {
+            let element = match element {
+                BoxElement::Tet4 => ElementType::Tet4,
+                BoxElement::Hex8 => ElementType::Hex8,
+                BoxElement::Wedge6 => ElementType::Wedge6,
+            };
+            (shapes::cuboid_of(element, cells, size), order, output)
+        }
+        MeshCommand::Dogbone { element_size, shape, order, output } => {
+            (shapes::dogbone(&shape.shape(), element_size), order, output)
+        }
     };
-    let mesh = mesh.map_err(|error| shape_failure(&error))?;
+    let mesh = order.apply(mesh.map_err(|error| shape_failure(&error))?)?;
     let version = match output.format {
         Format::V2_2 => Version::V2_2,
         Format::V4_1 => Version::V4_1,
@@ -153,6 +213,7 @@ fn table(file: &Path, mesh: &Mesh) -> String {
         format!("{}", file.display()),
         format!("  nodes     {:>10}", mesh.nodes().len()),
         format!("  elements  {:>10}   volume {:.6e} m^3", mesh.elements().len(), mesh.volume()),
+        format!("  types     {}; {} integration points", types(mesh), mesh.points().len()),
         format!("  box       {low:?} to {high:?} m"),
         format!("  angles    {sharp:.1} to {blunt:.1} degrees between faces"),
     ];
@@ -165,6 +226,12 @@ fn table(file: &Path, mesh: &Mesh) -> String {
         lines.push(format!("  surface   {name:<8} {:>10} {:<11} area   {area:.6e} m^2", faces.len(), noun(faces)));
     }
     lines.join("\n")
+}
+
+/// Lists the elements by type.
+fn types(mesh: &Mesh) -> String {
+    let counts = mesh.elements().count_by_type();
+    counts.iter().map(|(of, count)| format!("{count} {}", of.name())).collect::<Vec<_>>().join(", ")
 }
 
 fn json(file: &Path, mesh: &Mesh) -> serde_json::Value {
@@ -183,6 +250,8 @@ fn json(file: &Path, mesh: &Mesh) -> serde_json::Value {
         "file": file.to_string_lossy(),
         "nodes": mesh.nodes().len(),
         "elements": mesh.elements().len(),
+        "element_types": mesh.elements().count_by_type().iter().map(|(of, n)| (of.name(), *n)).collect::<BTreeMap<_, _>>(),
+        "integration_points": mesh.points().len(),
         "volume": mesh.volume(),
         "bounding_box": mesh.bounding_box(),
         "dihedral_angles": mesh.dihedral_range(),

@@ -172,6 +172,23 @@ impl ElementType {
         self.counts()[2]
     }
 
+    /// Returns the name in case files and summaries.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Tet4 => "tet4",
+            Self::Tet10 => "tet10",
+            Self::Hex8 => "hex8",
+            Self::Hex20 => "hex20",
+            Self::Hex27 => "hex27",
+            Self::Wedge6 => "wedge6",
+        }
+    }
+
+    /// Returns true for the types of order 2, which have nodes between the corners.
+    pub fn is_quadratic(self) -> bool {
+        self.nodes() > self.corners()
+    }
+
     /// Returns the noun of messages, in the singular and in the plural.
     pub fn nouns(self) -> [&'static str; 2] {
         match self {

@@ -132,6 +132,18 @@ impl<T: CellType> Cells<T> {
         self.blocks[self.place(cell).0].cell_type
     }
 
+    /// Returns the number of cells of each type, in the order of their first occurrence.
+    pub fn count_by_type(&self) -> Vec<(T, usize)> {
+        let mut counts: Vec<(T, usize)> = Vec::new();
+        for block in &self.blocks {
+            match counts.iter_mut().find(|(cell_type, _)| *cell_type == block.cell_type) {
+                Some((_, count)) => *count += block.len(),
+                None => counts.push((block.cell_type, block.len())),
+            }
+        }
+        counts
+    }
+
     /// Returns the cells with each node replaced by `map(node)`.
     pub fn map(&self, map: impl Fn(u32) -> u32) -> Self {
         let of_block =
@@ -210,6 +222,7 @@ mod tests {
         cells.push(ElementType::Wedge6, &[1, 2, 3, 4, 5, 6]);
         cells.push(ElementType::Tet4, &[7, 8, 9, 10]);
         assert_eq!((cells.len(), cells.blocks().len()), (4, 3));
+        assert_eq!(cells.count_by_type(), [(ElementType::Tet4, 3), (ElementType::Wedge6, 1)]);
         assert_eq!(cells.blocks()[1].range(), 2..3);
         assert_eq!(cells.get(2), Some((ElementType::Wedge6, &[1, 2, 3, 4, 5, 6][..])));
         assert_eq!((&cells[3], cells.get(4)), (&[7, 8, 9, 10][..], None));

@@ -2,7 +2,9 @@
 
 use super::super::*;
 use super::{FULL, Folder, SMALL};
+use crate::fem::element::ElementType;
 use crate::fem::material::NeoHookean;
+use crate::fem::mesh::QuadraticHexahedron;
 use crate::fiber::equilibrium::{Stage, Stages};
 use crate::fiber::law::{FiberMaterial, Law};
 use crate::las::{Iterative, Krylov, Method, Preconditioner};
@@ -106,6 +108,24 @@ fn defaults_fill_in() {
     assert_eq!(case.scales, ScalesCase { macro_ranks: 1, micro_ranks: 0, near: false });
     let directory = folder.path().join("results");
     assert_eq!(case.output, OutputCase { directory, every: 1, rve: ElementSelection::None });
+}
+
+#[test]
+fn elements_and_their_order_are_read() {
+    let read = |keys: &str| {
+        let text = SMALL.replace("generate = { shape = \"dogbone\", element_size = 0.002 }", keys);
+        Folder::new().parse(&text).unwrap_or_else(|errors| panic!("{errors}")).case
+    };
+    let boxed = "generate = { shape = \"box\", cells = [1, 2, 3], size = [1, 1, 1], element = \"hex8\" }";
+    let case = read(&format!("{boxed}\norder = 2"));
+    let (cells, size, element) = ([1, 2, 3], [1.0; 3], ElementType::Hex8);
+    assert_eq!(case.mesh, MeshSource::Box { cells, size, element });
+    assert_eq!(case.quadratic, Some(QuadraticCase { hexahedra: QuadraticHexahedron::Serendipity, line: 3 }));
+    let case = read(&format!("hexahedra = 27\n{boxed}\norder = 2"));
+    assert_eq!(case.quadratic, Some(QuadraticCase { hexahedra: QuadraticHexahedron::Triquadratic, line: 4 }));
+    assert_eq!(read(&format!("{boxed}\norder = 1")).quadratic, None);
+    let case = read("generate = { shape = \"dogbone\", element_size = 0.002 }\norder = 2");
+    assert_eq!(case.quadratic.map(|each| each.hexahedra), Some(QuadraticHexahedron::Serendipity));
 }
 
 #[test]

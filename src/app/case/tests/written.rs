@@ -8,6 +8,7 @@ use crate::fiber::law::{FormulaLaw, Parameter, ParameterRange};
 fn placeless(mut case: Case) -> Case {
     case.file.clear();
     case.mesh_line = 0;
+    case.quadratic.iter_mut().for_each(|each| each.line = 0);
     case.regions.iter_mut().for_each(|each| each.line = 0);
     case.boundaries.iter_mut().for_each(|each| each.line = 0);
     case.points.iter_mut().for_each(|each| each.line = 0);
@@ -37,6 +38,12 @@ fn written_case_reads_the_same_from_another_folder() {
         law(r#"law = { name = "table", radius = 1, file = "curve.csv" }"#),
         law(r#"law = { name = "exponential", youngs_modulus = 1e300, radius = 0.3, nonlinearity = 0.1 }"#),
         FULL.replace("fiber_volume_fraction = 0.003", "scale = \"raw\"").replace("[17, 0, 17]", "\"all\""),
+        FULL.replace(
+            "file = \"sample.msh\"",
+            &boxed.replace(" }", ", element = \"hex8\" }\norder = 2\nhexahedra = 27"),
+        ),
+        FULL.replace("file = \"sample.msh\"", "file = \"sample.msh\"\norder = 2"),
+        FULL.replace("file = \"sample.msh\"", &boxed.replace(" }", ", element = \"wedge6\" }\norder = 1")),
         FULL.replace("file = \"sample.msh\"", boxed).replace("\"cycle\"", "\"random\""),
         FULL.replace("\"Dogbone in tension\"", r#""a \"b\" \\ \n \u0001 é ' '''""#),
         FULL.replace("seed = 7", "seed = 9223372036854775807").replace("every = 5", "every = 0x10"),
