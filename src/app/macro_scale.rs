@@ -44,7 +44,25 @@ pub fn mesh(case: &Case) -> Result<(Mesh, Vec<String>), InputErrors> {
     };
     let surfaces: Vec<String> = mesh.surface_names().map(str::to_owned).collect();
     case.check_names(mesh.regions(), &surfaces)?;
-    Ok((mesh, warnings))
+    Ok((with_patches(case, mesh)?, warnings))
+}
+
+/// Divides the regions with `f_bar` into patches.
+fn with_patches(case: &Case, mesh: Mesh) -> Result<Mesh, InputErrors> {
+    let of_mesh: Vec<Option<usize>> = mesh.regions().iter().map(|name| case.region_of(name)).collect();
+    let has_f_bar = |region: u32| of_mesh[region as usize].is_some_and(|region| case.regions[region].f_bar);
+    let mesh = mesh.with_patches(has_f_bar);
+    let mut errors = Vec::new();
+    for (number, region) in case.regions.iter().enumerate().filter(|(_, region)| region.f_bar) {
+        let in_region = |&element: &u32| of_mesh[mesh.region_of()[element as usize] as usize] == Some(number);
+        if !mesh.patches().iter().flatten().any(|element| in_region(element)) {
+            let what = format!("the region \"{}\" has `f_bar`, but none of its elements can use it", region.name);
+            let expected = "linear tetrahedra or hexahedra";
+            let cure = "remove `f_bar`: quadratic elements need none, and wedges have none";
+            errors.push(InputError::at_line(&case.file, region.line, what, expected, cure));
+        }
+    }
+    if errors.is_empty() { Ok(mesh) } else { Err(InputErrors(errors)) }
 }
 
 /// Reports, at its line, a built-in shape that cannot be generated from the given lengths.

@@ -6,6 +6,7 @@
 //! otherwise.
 
 use crate::app::case::{Case, Formula, LoadCurve, RegionMaterial, SurfaceLoad};
+use crate::fem::element::ElementType;
 use crate::fem::mesh::Mesh;
 use crate::las::RealBackend;
 use crate::tissue::micro_scale::Library;
@@ -16,6 +17,8 @@ const LARGEST_STRAIN: f64 = 3.0;
 const SMALLEST_STRAIN: f64 = 1e-9;
 /// Above this ratio, the softer of two materials, in different regions or in parallel, contributes nothing.
 const LARGEST_RATIO: f64 = 1e6;
+/// Poisson ratio above which linear elements lock.
+const LARGEST_POISSON_RATIO: f64 = 0.45;
 /// Range of the longest edge of the body, m, outside of which its unit is probably wrong.
 const SENSIBLE_EDGES: std::ops::RangeInclusive<f64> = 1e-5..=5.0;
 
@@ -60,7 +63,40 @@ pub(super) fn warnings<B: RealBackend>(case: &Case, mesh: &Mesh, library: &Libra
             Stiffness { region, formula: formula.map(youngs_modulus), fibers }
         })
         .collect();
-    check_magnitudes(case, mesh, &stiffnesses)
+    let mut warnings = check_magnitudes(case, mesh, &stiffnesses);
+    warnings.extend(check_locking(case, mesh));
+    warnings
+}
+
+/// Finds linear elements in nearly incompressible materials, which lock.
+fn check_locking<'a>(case: &'a Case, mesh: &'a Mesh) -> impl Iterator<Item = String> + 'a {
+    let mut has_plain = vec![false; case.regions.len()];
+    let mut in_patch = vec![false; mesh.elements().len()];
+    mesh.patches().iter().flatten().for_each(|&element| in_patch[element as usize] = true);
+    let of_mesh: Vec<Option<usize>> = mesh.regions().iter().map(|name| case.region_of(name)).collect();
+    for ((element_type, _), (&region, in_patch)) in mesh.elements().typed().zip(mesh.region_of().iter().zip(in_patch)) {
+        if let Some(region) = of_mesh[region as usize]
+            && matches!(element_type, ElementType::Tet4 | ElementType::Hex8)
+            && !in_patch
+        {
+            has_plain[region] = true;
+        }
+    }
+    case.regions.iter().enumerate().zip(has_plain).filter_map(|((number, region), has_plain)| {
+        let formula = match &region.material {
+            RegionMaterial::Formula(formula) => Some(*formula),
+            RegionMaterial::FiberRve(rve) => rve.matrix,
+        };
+        let [mu, lambda] = formula?.lame_constants();
+        let nu = 0.5 * lambda / (lambda + mu);
+        (has_plain && nu > LARGEST_POISSON_RATIO).then(|| {
+            let message = format!(
+                "its linear elements lock at a Poisson ratio of {}: set `f_bar = true` here, or `order = 2` in [mesh]",
+                (nu * 1e4).round() / 1e4
+            );
+            in_region(case, number, &message)
+        })
+    })
 }
 
 fn youngs_modulus(formula: Formula) -> f64 {
@@ -291,6 +327,18 @@ displacement = { x = 0.1 }
                      are both moduli in Pa and the radius in m?";
         assert_eq!(warnings_of(CASE, 1.0, Some([5e9, 1e10])), [apart]);
         assert_eq!(warnings_of(CASE, 1.0, Some([1e-4, 1.0])).len(), 1);
+    }
+
+    #[test]
+    fn linear_elements_in_nearly_incompressible_materials_are_found() {
+        let nearly = CASE.replace("poisson_ratio = 0.25", "poisson_ratio = 0.499");
+        let case = Case::parse(&nearly, Path::new("case.toml")).unwrap().case;
+        let mesh = cuboid([1, 1, 1], [1.0; 3]).unwrap();
+        let expected = "case.toml:3: region \"*\": its linear elements lock at a Poisson ratio of 0.499: set `f_bar = true` here, \
+                        or `order = 2` in [mesh]";
+        assert_eq!(check_locking(&case, &mesh).collect::<Vec<_>>(), [expected]);
+        assert_eq!(check_locking(&case, &mesh.quadratic(Default::default()).unwrap()).count(), 0);
+        assert_eq!(check_locking(&case, &mesh.with_patches(|_| true)).count(), 0);
     }
 
     #[test]

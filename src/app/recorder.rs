@@ -154,10 +154,7 @@ impl<'a> Recorder<'a> {
             .map(|s| SurfaceRow { area: s.area, force: s.force, displacement: s.displacement })
             .collect();
         let points: Vec<[f64; 3]> = step.forces.points.iter().map(|point| point.force).collect();
-        let mut volumes = vec![0.0; step.mesh.regions().len()];
-        for ((f, volume), &region) in step.state.gradients.iter().zip(&self.volumes).zip(&self.region_of) {
-            volumes[region as usize] += f.determinant() * volume;
-        }
+        let volumes = step.mesh.deformed_region_volumes(&step.state.displacements);
         self.loads.row(step.step, step.t, &surfaces, &points, &volumes)
     }
 

@@ -127,3 +127,39 @@ fn points_have_networks_of_their_own_and_runs_are_resumed() {
     report.done();
     assert!(read(folder, "body.svg").contains("<svg"));
 }
+
+/// With `f_bar`, an RVE at every point gives the history of the formula on any number of ranks, a resumed run continues
+/// bit for bit, and a body without linear tetrahedra or hexahedra is reported.
+#[test]
+fn regions_with_f_bar_run_on_ranks_and_are_resumed() {
+    let constants = "model = \"neo-hookean\", shear_modulus = 1000.0, poisson_ratio = 0.499";
+    let f_bar = |material: &str| case(material, "").replace("name = \"*\"", "name = \"*\"\nf_bar = true");
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    std::fs::write(folder.join("formula.toml"), f_bar(&format!("{{ {constants} }}"))).unwrap();
+    std::fs::write(folder.join("plain.toml"), case(&format!("{{ {constants} }}"), "")).unwrap();
+    let rve = f_bar(&format!("{{ model = \"fiber-rve\", networks = [], matrix = {{ {constants} }} }}"));
+    std::fs::write(folder.join("rve.toml"), rve).unwrap();
+    for element_type in [ElementType::Tet4, ElementType::Hex8] {
+        mesh(folder, element_type);
+        let plan = line(folder, "check plain.toml");
+        plan.done();
+        assert!(plan.stderr.contains("lock at a Poisson ratio of 0.499"), "{}", plan.stderr);
+        let name = element_type.name();
+        line(folder, &format!("run formula.toml --out formula-{name}")).done();
+        line(folder, &format!("run rve.toml --out rve-{name}")).done();
+        line(folder, &format!("run rve.toml --out ranks-{name} --ranks 3")).done();
+        line(folder, &format!("run plain.toml --out plain-{name}")).done();
+        let formula = read(folder, &format!("formula-{name}/loads.csv"));
+        assert_eq!(read(folder, &format!("rve-{name}/loads.csv")), formula, "{name}");
+        assert_eq!(read(folder, &format!("ranks-{name}/loads.csv")), formula, "{name}");
+        assert_ne!(read(folder, &format!("plain-{name}/loads.csv")), formula, "{name}");
+        std::fs::remove_file(folder.join(format!("rve-{name}/checkpoint/step-00002.bin"))).unwrap();
+        line(folder, &format!("run rve.toml --out rve-{name} --resume")).done();
+        assert_eq!(read(folder, &format!("rve-{name}/loads.csv")), formula, "{name}");
+    }
+    mesh(folder, ElementType::Wedge6);
+    let refused = line(folder, "check formula.toml");
+    let expected = "formula.toml:3: the region \"*\" has `f_bar`, but none of its elements can use it";
+    assert!(refused.failed(2).contains(expected), "{}", refused.stderr);
+}

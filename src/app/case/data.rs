@@ -89,6 +89,9 @@ pub struct RegionCase {
     pub name: String,
     /// Line of the case file, for errors found once the mesh is read.
     pub line: usize,
+    /// Whether the linear hexahedra and tetrahedra of the region are patches of the F-bar method; see
+    /// [`assembly`](crate::fem::assembly#f-bar).
+    pub f_bar: bool,
     /// The material.
     pub material: RegionMaterial,
 }

@@ -54,9 +54,15 @@ pub(super) fn regions(root: &mut Table<'_>, base: &Path) -> Vec<RegionCase> {
         if let Some(name) = name {
             names.entry(name).or_insert(line);
         }
+        let f_bar = table.boolean("f_bar").unwrap_or(false);
         let material = table.required_table("material", "a table with its `model`");
         let material = material.and_then(|material| read(material, base));
-        regions.extend(name.zip(material).map(|(name, material)| RegionCase { name: name.into(), line, material }));
+        regions.extend(name.zip(material).map(|(name, material)| RegionCase {
+            name: name.into(),
+            line,
+            f_bar,
+            material,
+        }));
         table.report_unknown_keys();
     }
     regions

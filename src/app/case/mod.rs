@@ -21,6 +21,7 @@
 //!
 //! [[region]]
 //! name = "*"                               # a physical volume; "*": all that no other region names
+//! f_bar = false                            # default; true: no volumetric locking (below)
 //! [region.material]
 //! model = "neo-hookean"                    # or "linear-elastic", or "fiber-rve" (below)
 //! youngs_modulus = 1.0e6                   # two of: youngs_modulus, shear_modulus, lame_lambda (Pa),
@@ -142,6 +143,13 @@
 //! ```
 //!
 //! [`crate::fiber::law`] documents the formulas.
+//!
+//! # Nearly incompressible materials
+//!
+//! Linear elements are far too stiff in nearly incompressible materials: they lock. With `f_bar = true`, each linear
+//! hexahedron of the region, or patch of linear tetrahedra, has one dilatation, which prevents locking at the price of an
+//! unsymmetric tangent (see [`assembly`](crate::fem::assembly#f-bar)). Quadratic elements (`order = 2`) are an
+//! alternative. `biotissue check` warns of linear elements without `f_bar` at Poisson ratios above 0.45.
 //!
 //! # Iterative solvers
 //!

@@ -37,7 +37,7 @@ impl Case {
         let entries = [mesh(&self.mesh)].into_iter().chain(quadratic.into_iter().flatten());
         section(&mut out, "[mesh]", entries.chain([entry("scale", self.mesh_scale)]));
         for region in &self.regions {
-            section(&mut out, "[[region]]", [text("name", &region.name)]);
+            section(&mut out, "[[region]]", [text("name", &region.name), entry("f_bar", region.f_bar)]);
             out.push_str("[region.material]\n");
             match &region.material {
                 RegionMaterial::Formula(material) => write(&mut out, formula(material)),

@@ -113,6 +113,25 @@ impl Mesh {
         volumes
     }
 
+    /// Returns the volume of each region, m^3, after these displacements of the nodes, m, in the order of
+    /// [`Mesh::regions`].
+    ///
+    /// # Panics
+    /// Panics if there are fewer displacements than nodes.
+    pub fn deformed_region_volumes(&self, displacements: &[[f64; 3]]) -> Vec<f64> {
+        let mut volumes = vec![0.0; self.regions.len()];
+        let mut positions = Vec::new();
+        for ((element_type, nodes), &region) in self.elements.typed().zip(&self.region_of) {
+            positions.clear();
+            positions.extend(nodes.iter().map(|&node| {
+                let (x, u) = (self.nodes[node as usize], displacements[node as usize]);
+                [x[0] + u[0], x[1] + u[1], x[2] + u[2]]
+            }));
+            volumes[region as usize] += signed_volume(element_type, &positions);
+        }
+        volumes
+    }
+
     /// Returns the integral of the unit normal over a face, m^2; for a plane face, its length is the area.
     ///
     /// # Panics
