@@ -87,8 +87,8 @@ fn check_locking<'a>(case: &'a Case, mesh: &'a Mesh) -> impl Iterator<Item = Str
             RegionMaterial::Formula(formula) => Some(*formula),
             RegionMaterial::FiberRve(rve) => rve.matrix,
         };
-        let [mu, lambda] = formula?.lame_constants();
-        let nu = 0.5 * lambda / (lambda + mu);
+        let [mu, bulk] = formula?.mean_moduli();
+        let nu = (3.0 * bulk - 2.0 * mu) / (6.0 * bulk + 2.0 * mu);
         (has_plain && nu > LARGEST_POISSON_RATIO).then(|| {
             let message = format!(
                 "its linear elements lock at a Poisson ratio of {}: set `f_bar = true` here, or `order = 2` in [mesh]",
@@ -100,8 +100,8 @@ fn check_locking<'a>(case: &'a Case, mesh: &'a Mesh) -> impl Iterator<Item = Str
 }
 
 fn youngs_modulus(formula: Formula) -> f64 {
-    let [mu, lambda] = formula.lame_constants();
-    mu * (3.0 * lambda + 2.0 * mu) / (lambda + mu)
+    let [mu, bulk] = formula.mean_moduli();
+    9.0 * bulk * mu / (3.0 * bulk + mu)
 }
 
 fn check_magnitudes(case: &Case, mesh: &Mesh, stiffnesses: &[Stiffness]) -> Vec<String> {

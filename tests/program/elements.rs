@@ -163,3 +163,31 @@ fn regions_with_f_bar_run_on_ranks_and_are_resumed() {
     let expected = "formula.toml:3: the region \"*\" has `f_bar`, but none of its elements can use it";
     assert!(refused.failed(2).contains(expected), "{}", refused.stderr);
 }
+
+/// Every formula of finite strain gives the same history as a material and as the matrix of RVEs without networks.
+#[test]
+fn every_formula_is_a_material_and_a_matrix() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    mesh(folder, ElementType::Tet10);
+    let formulas = [
+        "model = \"holmes-mow\", youngs_modulus = 1000.0, poisson_ratio = 0.3, beta = 0.5",
+        "model = \"transversely-isotropic\", youngs_modulus = 1000.0, poisson_ratio = 0.2, axial_youngs_modulus = 4000.0, \
+         axial_shear_modulus = 600.0, axis = [1.0, 1.0, 0.0]",
+        "model = \"holzapfel-gasser-ogden\", shear_modulus = 300.0, k1 = 200.0, k2 = 0.8, dispersion = 0.1, \
+         bulk_modulus = 2000.0, axes = [[0.8, 0.6, 0.0], [0.8, -0.6, 0.0]]",
+        "model = \"guccione\", c = 200.0, bf = 8.0, bt = 2.0, bfs = 4.0, bulk_modulus = 2000.0, axis = [1.0, 0.0, 0.0]",
+    ];
+    let mut histories: Vec<String> = Vec::new();
+    for (number, formula) in formulas.into_iter().enumerate() {
+        let rve = format!("{{ model = \"fiber-rve\", networks = [], matrix = {{ {formula} }} }}");
+        std::fs::write(folder.join("formula.toml"), case(&format!("{{ {formula} }}"), "")).unwrap();
+        std::fs::write(folder.join("rve.toml"), case(&rve, "")).unwrap();
+        line(folder, &format!("run formula.toml --out formula-{number}")).done();
+        line(folder, &format!("run rve.toml --out rve-{number} --ranks 2")).done();
+        let history = read(folder, &format!("formula-{number}/loads.csv"));
+        assert_eq!(read(folder, &format!("rve-{number}/loads.csv")), history, "{formula}");
+        assert!(!histories.contains(&history), "{formula}");
+        histories.push(history);
+    }
+}

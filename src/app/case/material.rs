@@ -4,32 +4,30 @@ use std::collections::HashMap;
 use std::path::Path;
 
 use super::data::RegionCase;
-use super::elastic;
+use super::formula::{self, FormulaModel};
 use super::law;
 use super::networks;
 use super::problems::alternatives;
 use super::range::Range;
 use super::table::{Either, Table};
 use super::value::did_you_mean;
-use crate::fem::material::{LinearElastic, NeoHookean};
 use crate::fiber::rve::StressScale;
 use crate::tissue::materials::{BeforeCreation, FiberRve, Formula, NetworkAssignment, RegionMaterial, RveLifecycle};
 
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Model {
-    NeoHookean,
-    LinearElastic,
+    Formula(FormulaModel),
     FiberRve,
-    /// Recognized, but only a later version has it.
-    Unsupported,
 }
 
-const MODELS: [(&str, Model); 5] = [
-    ("neo-hookean", Model::NeoHookean),
-    ("linear-elastic", Model::LinearElastic),
+const MODELS: [(&str, Model); 7] = [
+    ("neo-hookean", Model::Formula(FormulaModel::NeoHookean)),
+    ("linear-elastic", Model::Formula(FormulaModel::LinearElastic)),
+    ("transversely-isotropic", Model::Formula(FormulaModel::TransverselyIsotropic)),
+    ("holmes-mow", Model::Formula(FormulaModel::HolmesMow)),
+    ("holzapfel-gasser-ogden", Model::Formula(FormulaModel::HolzapfelGasserOgden)),
+    ("guccione", Model::Formula(FormulaModel::Guccione)),
     ("fiber-rve", Model::FiberRve),
-    ("transversely-isotropic", Model::Unsupported),
-    ("holmes-mow", Model::Unsupported),
 ];
 
 const NAMED_REGION: &str = "the name of a physical volume, or \"*\" for every volume not named";
@@ -70,37 +68,25 @@ pub(super) fn regions(root: &mut Table<'_>, base: &Path) -> Vec<RegionCase> {
 
 fn read(mut table: Table<'_>, base: &Path) -> Option<RegionMaterial> {
     let material = match model(&mut table, |_| true)? {
-        Model::NeoHookean => neo_hookean(&mut table).map(RegionMaterial::Formula),
-        Model::LinearElastic => elastic::lame_constants(&mut table)
-            .map(|[mu, lambda]| RegionMaterial::Formula(Formula::LinearElastic(LinearElastic { mu, lambda }))),
+        Model::Formula(model) => formula::read(model, &mut table).map(RegionMaterial::Formula),
         Model::FiberRve => fiber_rve(&mut table, base).map(RegionMaterial::FiberRve),
-        Model::Unsupported => return None,
     };
     table.report_unknown_keys();
     material
 }
 
-fn neo_hookean(table: &mut Table<'_>) -> Option<Formula> {
-    elastic::lame_constants(table).map(|[mu, lambda]| Formula::NeoHookean(NeoHookean { mu, lambda }))
-}
-
 /// Reads the model of a material; only models for which `allowed` returns true are valid.
 fn model(table: &mut Table<'_>, allowed: impl Fn(Model) -> bool) -> Option<Model> {
     let allowed: Vec<_> = MODELS.into_iter().filter(|&(_, model)| allowed(model)).collect();
-    let ready = allowed.iter().filter(|(_, model)| *model != Model::Unsupported).map(|&(name, _)| name);
-    let expected = alternatives(ready, '"');
+    let names: Vec<&str> = allowed.iter().map(|&(name, _)| name).collect();
+    let expected = alternatives(names.iter().copied(), '"');
     let value = table.require("model", &expected)?;
     let text = value.text(&expected)?;
-    let Some(&(name, model)) = allowed.iter().find(|(name, _)| *name == text) else {
-        value
-            .report_invalid(&*expected, did_you_mean(text, &allowed.iter().map(|&(name, _)| name).collect::<Vec<_>>()));
-        return None;
-    };
-    if model == Model::Unsupported {
-        value.unavailable(&format!("the material model \"{name}\""), &expected, "choose one of these");
-        return None;
+    let found = allowed.iter().find(|(name, _)| *name == text);
+    if found.is_none() {
+        value.report_invalid(&*expected, did_you_mean(text, &names));
     }
-    Some(model)
+    found.map(|&(_, model)| model)
 }
 
 fn fiber_rve(table: &mut Table<'_>, base: &Path) -> Option<FiberRve> {
@@ -172,10 +158,11 @@ fn lifecycle(mut table: Table<'_>, has_matrix: bool) -> RveLifecycle {
     lifecycle
 }
 
-/// Reads the parallel matrix, which must be neo-Hookean.
+/// Reads the matrix in parallel, which is a formula of finite strain.
 fn matrix(mut table: Table<'_>) -> Option<Formula> {
-    model(&mut table, |model| model == Model::NeoHookean)?;
-    let formula = neo_hookean(&mut table);
+    let is_finite_strain = |model| !matches!(model, Model::FiberRve | Model::Formula(FormulaModel::LinearElastic));
+    let Model::Formula(model) = model(&mut table, is_finite_strain)? else { return None };
+    let formula = formula::read(model, &mut table);
     table.report_unknown_keys();
     formula
 }

@@ -23,7 +23,7 @@
 //! name = "*"                               # a physical volume; "*": all that no other region names
 //! f_bar = false                            # default; true: no volumetric locking (below)
 //! [region.material]
-//! model = "neo-hookean"                    # or "linear-elastic", or "fiber-rve" (below)
+//! model = "neo-hookean"                    # or another formula, or "fiber-rve" (below)
 //! youngs_modulus = 1.0e6                   # two of: youngs_modulus, shear_modulus, lame_lambda (Pa),
 //! poisson_ratio = 0.3                      # poisson_ratio
 //!
@@ -144,6 +144,54 @@
 //!
 //! [`crate::fiber::law`] documents the formulas.
 //!
+//! # Formulas as a material
+//!
+//! ```toml
+//! [region.material]                        # isotropic: two of youngs_modulus, shear_modulus, lame_lambda, poisson_ratio
+//! model = "neo-hookean"                    # or "linear-elastic", for small strains
+//! youngs_modulus = 1.0e6                   # Pa
+//! poisson_ratio = 0.3
+//! ```
+//!
+//! ```toml
+//! model = "holmes-mow"                     # isotropic and stiffening; constants as above
+//! youngs_modulus = 1.0e6
+//! poisson_ratio = 0.3
+//! beta = 0.5                               # exponent
+//! ```
+//!
+//! ```toml
+//! model = "transversely-isotropic"
+//! youngs_modulus = 1.0e5                   # normal to the axis, Pa
+//! poisson_ratio = 0.2
+//! axial_youngs_modulus = 4.0e5             # along the axis, Pa
+//! axial_shear_modulus = 6.0e4              # in planes that contain the axis, Pa
+//! axis = [0.0, 0.0, 1.0]                   # of any length
+//! ```
+//!
+//! ```toml
+//! model = "holzapfel-gasser-ogden"
+//! shear_modulus = 3.0e3                    # of the matrix, Pa
+//! k1 = 2.0e3                               # stiffness of the fibers, Pa
+//! k2 = 0.8                                 # their exponent
+//! dispersion = 0.1                         # kappa, from 0 (default: all fibers along their axis) to 1/3 (isotropic)
+//! bulk_modulus = 1.0e6                     # Pa
+//! axes = [[0.8, 0.6, 0.0], [0.8, -0.6, 0.0]]   # of one or two families of fibers
+//! ```
+//!
+//! ```toml
+//! model = "guccione"
+//! c = 2.0e3                                # stress scale, Pa
+//! bf = 8.0                                 # exponents: along the fibers,
+//! bt = 2.0                                 # across them,
+//! bfs = 4.0                                # of shear along them
+//! bulk_modulus = 1.0e6                     # Pa
+//! axis = [1.0, 0.0, 0.0]
+//! ```
+//!
+//! All but `linear-elastic` can also be the `matrix` of a `fiber-rve`, in parallel with the networks.
+//! [`crate::fem::material`] documents the formulas.
+//!
 //! # Nearly incompressible materials
 //!
 //! Linear elements are far too stiff in nearly incompressible materials: they lock. With `f_bar = true`, each linear
@@ -185,11 +233,11 @@
 //!   a displacement or by a nonzero traction. Body forces of one region add up.
 //! * Names of regions are unique. The region `*` covers every region of the mesh that no other `[[region]]` names, so
 //!   that no region has two materials.
-//! * `pressure` on a boundary, `[[constraint]]` and the models `transversely-isotropic` and `holmes-mow` are recognized
-//!   and rejected: they are not available in this version.
+//! * `pressure` on a boundary and `[[constraint]]` are recognized and rejected: they are not available in this version.
 
 mod data;
 mod elastic;
+mod formula;
 mod law;
 mod load;
 mod material;

@@ -14,10 +14,11 @@ use crate::fiber::equilibrium::Stage;
 use crate::fiber::law::{FiberLaw, FiberMaterial, Law};
 use crate::fiber::rve::StressScale;
 use crate::tissue::materials::{
-    BeforeCreation, ElementSelection, FiberRve, Formula, NetworkAssignment, RegionMaterial, RveLifecycle,
+    BeforeCreation, ElementSelection, FiberRve, NetworkAssignment, RegionMaterial, RveLifecycle,
 };
 
 use super::data::{Case, MeshSource, PointPlace, SurfaceLoad};
+use super::formula;
 use super::load::AXES;
 use super::solver;
 
@@ -40,7 +41,7 @@ impl Case {
             section(&mut out, "[[region]]", [text("name", &region.name), entry("f_bar", region.f_bar)]);
             out.push_str("[region.material]\n");
             match &region.material {
-                RegionMaterial::Formula(material) => write(&mut out, formula(material)),
+                RegionMaterial::Formula(material) => write(&mut out, formula::entries(material)),
                 RegionMaterial::FiberRve(rve) => write(&mut out, fiber_rve(rve)),
             }
         }
@@ -171,7 +172,7 @@ fn fiber_rve(rve: &FiberRve) -> Vec<Entry<'static>> {
         },
     ];
     entries.extend(rve.law.as_ref().map(|material| table("law", law(material))));
-    entries.extend(rve.matrix.as_ref().map(|matrix| table("matrix", formula(matrix))));
+    entries.extend(rve.matrix.as_ref().map(|matrix| table("matrix", formula::entries(matrix))));
     entries.extend((rve.lifecycle != RveLifecycle::default()).then(|| table("life", lifecycle(&rve.lifecycle))));
     entries
 }
@@ -189,15 +190,6 @@ fn lifecycle(lifecycle: &RveLifecycle) -> Vec<Entry<'static>> {
     ];
     let given = numbers.into_iter().filter(|(_, value)| *value > 0.0 && value.is_finite());
     given.map(|(key, value)| entry(key, value)).chain([entry("before", before)]).collect()
-}
-
-fn formula(formula: &Formula) -> [Entry<'static>; 3] {
-    let model = match formula {
-        Formula::NeoHookean(_) => "neo-hookean",
-        Formula::LinearElastic(_) => "linear-elastic",
-    };
-    let [mu, lambda] = formula.lame_constants();
-    [entry("model", model), entry("shear_modulus", mu), entry("lame_lambda", lambda)]
 }
 
 /// Formats a law. A table is written as points, even if it came from a file; a custom law, which no case file can name,

@@ -22,7 +22,7 @@ use super::{Material, MaterialError, Response};
 /// # References
 /// G. A. Holzapfel, T. C. Gasser and R. W. Ogden, J. Elasticity 61 (2000) 1-48; with dispersion, T. C. Gasser, R. W.
 /// Ogden and G. A. Holzapfel, J. R. Soc. Interface 3 (2006) 15-35.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HolzapfelGasserOgden {
     /// Shear modulus of the matrix, Pa.
     pub mu: f64,
@@ -34,8 +34,8 @@ pub struct HolzapfelGasserOgden {
     pub dispersion: f64,
     /// Bulk modulus `K` at rest, Pa.
     pub bulk_modulus: f64,
-    /// The axis of each family of fibers, unit vectors; at most two are usual.
-    pub axes: Vec<Vector3<f64>>,
+    /// The axes of up to two families of fibers, unit vectors.
+    pub axes: [Option<Vector3<f64>>; 2],
 }
 
 /// An isochoric invariant `J^(-2/3) M : C` with its derivatives by `E`.
@@ -87,7 +87,7 @@ impl Material for HolzapfelGasserOgden {
             pk2: first.slope * (0.5 * mu),
             moduli: first.curvature * (0.5 * mu),
         };
-        for axis in &self.axes {
+        for axis in self.axes.iter().flatten() {
             let structure =
                 Matrix3::from_diagonal_element(dispersion) + axis * axis.transpose() * (1.0 - 3.0 * dispersion);
             let Isochoric { change, slope, curvature } = Isochoric::of(&structure, &strain);
@@ -109,7 +109,7 @@ impl Material for HolzapfelGasserOgden {
 mod tests {
     use super::*;
 
-    fn material(dispersion: f64, axes: Vec<Vector3<f64>>) -> HolzapfelGasserOgden {
+    fn material(dispersion: f64, axes: [Option<Vector3<f64>>; 2]) -> HolzapfelGasserOgden {
         HolzapfelGasserOgden { mu: 3.0, k1: 5.0, k2: 2.0, dispersion, bulk_modulus: 10.0, axes }
     }
 
@@ -123,7 +123,7 @@ mod tests {
             let (i1, i4) = (stretch * stretch + 2.0 / stretch, stretch * stretch);
             let e = dispersion * (i1 - 3.0) + (1.0 - 3.0 * dispersion) * (i4 - 1.0);
             let expected = 1.5 * (i1 - 3.0) + 5.0 / 4.0 * (2.0 * e * e).exp_m1();
-            let found = material(dispersion, vec![Vector3::x()]).evaluate(&f).unwrap().energy;
+            let found = material(dispersion, [Some(Vector3::x()), None]).evaluate(&f).unwrap().energy;
             assert!((found - expected).abs() < 1e-14, "{dispersion}: {found} {expected}");
         }
     }
@@ -131,14 +131,14 @@ mod tests {
     #[test]
     fn compressed_fibers_carry_nothing() {
         let f = Matrix3::from_diagonal(&[0.9, 1.05, 1.06].into());
-        let fibers = material(0.0, vec![Vector3::x()]).evaluate(&f).unwrap();
-        assert_eq!(fibers, material(0.0, Vec::new()).evaluate(&f).unwrap());
+        let fibers = material(0.0, [Some(Vector3::x()), None]).evaluate(&f).unwrap();
+        assert_eq!(fibers, material(0.0, [None; 2]).evaluate(&f).unwrap());
     }
 
     /// At rest: Hooke's law with `mu` and `lambda = K - 2/3 mu`.
     #[test]
     fn the_matrix_is_hookes_at_rest() {
-        let a = material(0.0, Vec::new()).evaluate(&Matrix3::identity()).unwrap().tangent;
+        let a = material(0.0, [None; 2]).evaluate(&Matrix3::identity()).unwrap().tangent;
         assert!((a[(0, 0)] - 14.0).abs() < 1e-13 && (a[(0, 4)] - 8.0).abs() < 1e-13 && (a[(1, 1)] - 3.0).abs() < 1e-13);
     }
 }

@@ -182,7 +182,7 @@ mod tests {
 
     /// Two families of fibers; some states stretch both, some one of them.
     fn fibers(dispersion: f64) -> HolzapfelGasserOgden {
-        let axes = vec![oblique(), nalgebra::Vector3::new(0.0, -0.8, 0.6)];
+        let axes = [Some(oblique()), Some(nalgebra::Vector3::new(0.0, -0.8, 0.6))];
         HolzapfelGasserOgden { mu: 1.0e3, k1: 5.0e2, k2: 0.5, dispersion, bulk_modulus: 4.0e3, axes }
     }
 

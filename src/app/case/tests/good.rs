@@ -182,8 +182,8 @@ fn pattern_characters_in_a_folder_name_are_literal() {
 fn constants(entries: &str) -> (f64, f64) {
     let text = SMALL.replace("shear_modulus = 1.0e5, lame_lambda = 2.0e5", entries);
     match Folder::new().parse(&text).unwrap().case.regions[0].material {
-        RegionMaterial::Formula(formula) => formula.lame_constants().into(),
-        RegionMaterial::FiberRve(_) => panic!("not a formula"),
+        RegionMaterial::Formula(Formula::NeoHookean(NeoHookean { mu, lambda })) => (mu, lambda),
+        ref other => panic!("{other:?}"),
     }
 }
 

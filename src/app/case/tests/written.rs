@@ -61,7 +61,23 @@ fn written_case_reads_the_same_from_another_folder() {
             .collect();
         law(&format!("law = {{ name = \"{}\", radius = 1{entries} }}", formula.name()))
     });
-    for text in &cases.into_iter().chain(formulas).collect::<Vec<_>>() {
+    let materials = [
+        r#"model = "linear-elastic", youngs_modulus = 1.0e5, poisson_ratio = 0.1"#,
+        r#"model = "holmes-mow", youngs_modulus = 1.0e5, poisson_ratio = 0.1, beta = 0.7"#,
+        r#"model = "transversely-isotropic", youngs_modulus = 1.0e5, poisson_ratio = 0.2, axial_youngs_modulus = 4e5, axial_shear_modulus = 6e4, axis = [1, 2, 3]"#,
+        r#"model = "holzapfel-gasser-ogden", shear_modulus = 3e3, k1 = 2e3, k2 = 0.8, bulk_modulus = 1e6, axes = [[0.3, -1e9, 0]]"#,
+        r#"model = "holzapfel-gasser-ogden", shear_modulus = 3e3, k1 = 2e3, k2 = 0.8, dispersion = 0.2, bulk_modulus = 1e6, axes = [[1, 2, 0], [1e-300, -2e-300, 0]]"#,
+        r#"model = "guccione", c = 2e3, bf = 8, bt = 2, bfs = 4, bulk_modulus = 1e6, axis = [0.1, 0.2, 0.7]"#,
+    ];
+    let small = "model = \"neo-hookean\", shear_modulus = 1.0e5, lame_lambda = 2.0e5";
+    assert!(SMALL.contains(small));
+    let materials = materials.map(|material| SMALL.replace(small, material));
+    let parallel = FULL.find("matrix = ").unwrap();
+    let end = parallel + FULL[parallel..].find('\n').unwrap();
+    let matrix =
+        r#"matrix = { model = "guccione", c = 2e3, bf = 8, bt = 2, bfs = 4, bulk_modulus = 1e6, axis = [0, 1, 0] }"#;
+    let parallel = format!("{}{matrix}{}", &FULL[..parallel], &FULL[end..]);
+    for text in &cases.into_iter().chain(formulas).chain(materials).chain([parallel]).collect::<Vec<_>>() {
         let case = folder.parse(text).unwrap_or_else(|errors| panic!("{errors}\n{text}")).case;
         let written = case.to_toml();
         let again = Case::parse(&written, &elsewhere.path().join("case.toml"));
