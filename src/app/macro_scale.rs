@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use super::case::{BodyForceCase, BoundaryCase, Case, MeshSource, PointPlace, QuadraticCase, SurfaceLoad};
+use super::vtu;
 use crate::fem::boundary::{
     BodyForce, Boundary, BoundaryError, Conditions, LoadCondition, PointCondition, PointLocation, SurfaceCondition,
     Traction,
@@ -20,7 +21,7 @@ use crate::input::{InputError, InputErrors};
 pub fn mesh(case: &Case) -> Result<(Mesh, Vec<String>), InputErrors> {
     let (mesh, warnings) = match &case.mesh {
         MeshSource::File(path) => {
-            let read = gmsh::read(path)?;
+            let read = if vtu::is_vtu(path) { vtu::read(path)? } else { gmsh::read(path)? };
             (read.mesh, read.warnings)
         }
         MeshSource::Box { cells, size, element } => {

@@ -18,5 +18,6 @@ pub mod results;
 pub mod run;
 mod rve_files;
 mod stress;
+pub mod vtu;
 
 pub use recorder::Progress;

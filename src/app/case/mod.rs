@@ -14,8 +14,8 @@
 //! let text = r#"
 //! title = "Block in tension"               # the name of the file where absent
 //!
-//! [mesh]                                   # a Gmsh file: file = "block.msh"; or a built-in shape: "box", or
-//!                                          ## "dogbone" with an element_size in mesh units
+//! [mesh]                                   # a file of Gmsh or VTK: file = "block.msh" or "block.vtu"; or a built-in
+//!                                          ## shape: "box", or "dogbone" with an element_size in mesh units
 //! generate = { shape = "box", cells = [4, 2, 2], size = [2.0, 1.0, 1.0] }
 //! scale = 0.001                            # default 1.0: a mesh unit is a meter
 //!
@@ -228,6 +228,9 @@
 //! become smoother. There are no wedges of order 2. A mesh that is of order 2 in its file needs no `order`.
 //!
 //! # Restrictions
+//! A `.vtu` file (`file = "body.vtu"`) has numbers instead of names: the regions `region_1`, `region_2`, ... and the
+//! surfaces `surface_1`, ... are the values of an integer array `region` of its cells ([`crate::app::vtu`]).
+//!
 //!
 //! * A surface may appear in several boundaries and a node in several points, but each component is prescribed once: by
 //!   a displacement or by a nonzero traction. Body forces of one region add up.

@@ -4,6 +4,7 @@ use crate::input::{InputError, InputErrors, excerpt};
 
 use super::data::{Case, MeshSource};
 use super::problems::{alternatives, nearest};
+use crate::app::vtu;
 use crate::tissue::materials::{OTHER_REGIONS, RegionMaterial, find_region};
 
 impl Case {
@@ -62,10 +63,18 @@ impl Case {
             None if others.iter().any(|other| other == name) => {
                 format!("\"{name}\" is a {other_kind} of the mesh: name a {kind}")
             }
+            None if self.is_mesh_vtu() => format!(
+                "choose one of these: a .vtu file numbers its groups by an integer array `region` of the cells, \
+                 here `{kind}_1` for the value 1; surfaces consist of 2-D cells"
+            ),
             None => "choose one of these, or name it in the mesh as a physical group".into(),
         };
         let what = format!("the mesh{} has no {kind} \"{}\"", self.mesh_file(), excerpt(name));
         InputError::at_line(&self.file, line, what, expected, cure)
+    }
+
+    fn is_mesh_vtu(&self) -> bool {
+        matches!(&self.mesh, MeshSource::File(file) if vtu::is_vtu(file))
     }
 
     /// Returns the path of the mesh file with a leading space, or an empty string for a generated mesh.

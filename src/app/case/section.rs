@@ -73,7 +73,7 @@ fn quadratic(table: &mut Table<'_>, source: Option<&MeshSource>) -> Option<Quadr
 }
 
 fn mesh_file(value: &Value<'_>, base: &Path) -> Option<MeshSource> {
-    let expected = "a Gmsh .msh file that exists; a path is relative to the case file";
+    let expected = "a Gmsh .msh file or a VTK .vtu file that exists; a path is relative to the case file";
     let text = value.text(expected)?;
     let file = base.join(text);
     if file.is_file() {

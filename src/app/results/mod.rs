@@ -54,6 +54,8 @@ pub(in crate::app) use replace::{names_in, replace};
 
 /// Name of the collection of field files in a result directory.
 pub const FIELDS_FILE: &str = "fields.pvd";
+pub(in crate::app) use vtk::attribute;
+pub(in crate::app) use vtk_cells::{place as vtk_place, volume_type};
 /// Name of the table of loads in a result directory.
 pub const LOADS_FILE: &str = "loads.csv";
 /// Name of the log in a result directory.

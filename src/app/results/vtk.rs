@@ -150,7 +150,7 @@ pub(super) fn visit_elements(
 }
 
 /// Returns the value of an attribute, if the element has it.
-pub(super) fn attribute(tag: &BytesStart, name: &str) -> Result<Option<String>, String> {
+pub(in crate::app) fn attribute(tag: &BytesStart, name: &str) -> Result<Option<String>, String> {
     let attribute = tag.try_get_attribute(name).map_err(|error| error.to_string())?;
     let value = attribute.map(|attribute| attribute.normalized_value(quick_xml::XmlVersion::Implicit1_0));
     value.transpose().map(|value| value.map(std::borrow::Cow::into_owned)).map_err(|error| error.to_string())

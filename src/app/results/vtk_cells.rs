@@ -18,8 +18,13 @@ const TYPES: [(ElementType, VtkType); 6] = [
     (ElementType::Wedge6, VtkType::Wedge),
 ];
 
+/// Returns the element type of a number of VTK.
+pub(in crate::app) fn volume_type(number: i64) -> Option<ElementType> {
+    TYPES.iter().find(|(_, vtk)| i64::from(*vtk as u8) == number).map(|&(element_type, _)| element_type)
+}
+
 /// Returns the place in VTK's order of a node, and the reverse: only the triangles of the wedge run the other way round.
-fn place(element_type: ElementType, node: usize) -> usize {
+pub(in crate::app) fn place(element_type: ElementType, node: usize) -> usize {
     match element_type {
         ElementType::Wedge6 => [0, 2, 1, 3, 5, 4][node],
         _ => node,

@@ -23,6 +23,7 @@ mod check;
 mod faces;
 pub mod gmsh;
 mod measure;
+pub(crate) mod parts;
 mod patches;
 mod points;
 mod quadratic;

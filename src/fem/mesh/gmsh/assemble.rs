@@ -8,9 +8,9 @@ use super::cursor::DAMAGED;
 use super::explain::ParsedFile;
 use super::numbering::Numbering;
 use super::raw::{Cell, Raw};
-use crate::fem::element::{CellType, FaceType};
-use crate::fem::mesh::measure::signed_volume;
-use crate::fem::mesh::{Elements, Mesh, MeshError, Surface};
+use crate::fem::element::CellType;
+use crate::fem::mesh::parts::{GroupFaces, Parts, make_upright};
+use crate::fem::mesh::{Elements, MeshError};
 use crate::input::InputError;
 
 /// Assembles the mesh.
@@ -29,73 +29,9 @@ pub(super) fn assemble(mut raw: Raw, path: &Path) -> Result<MeshFile, InputError
     let groups = source.surfaces(&numbering)?;
     warnings.extend(source.empty_groups(&regions, &groups));
 
-    let mut parts = Parts { nodes: raw.nodes.iter().map(|node| node.position).collect(), elements, groups };
-    let dropped = parts.drop_unused_nodes().map_err(|error| source.explain(&error, &parts.groups))?;
-    if dropped > 0 {
-        warnings.push(format!("{dropped} nodes belong to no element and are left out"));
-    }
-    let coincident = coincident(&parts.nodes);
-    if coincident > 0 {
-        warnings.push(format!(
-            "{coincident} nodes have exactly the position of another node: parts of the body may not be connected there"
-        ));
-    }
-    let surfaces = parts.groups.iter().map(|(name, group)| {
-        let faces = group.iter().map(|(face_type, nodes, _)| (*face_type, nodes.as_slice())).collect();
-        Surface { name: name.clone(), faces }
-    });
-    let mesh = Mesh::new(parts.nodes, parts.elements, region_of, regions, surfaces.collect())
-        .map_err(|error| source.explain(&error, &parts.groups))?;
-    Ok(MeshFile { mesh, warnings })
-}
-
-/// Types and nodes of faces, each with the index of its cell in [`Raw::faces`].
-pub(super) type GroupFaces = Vec<(FaceType, Vec<u32>, usize)>;
-
-/// The parts of a mesh before unused nodes are removed.
-struct Parts {
-    nodes: Vec<[f64; 3]>,
-    elements: Elements,
-    groups: Vec<(String, GroupFaces)>,
-}
-
-impl Parts {
-    /// Removes the nodes without elements, renumbers the others, and returns the number of removed nodes.
-    ///
-    /// # Errors
-    /// Returns [`MeshError::NotAFace`] if a face contains a node without elements.
-    fn drop_unused_nodes(&mut self) -> Result<usize, MeshError> {
-        const UNUSED: u32 = u32::MAX;
-        let mut index = vec![UNUSED; self.nodes.len()];
-        for &node in self.elements.iter().flatten() {
-            index[node as usize] = 0;
-        }
-        for (surface, group) in &self.groups {
-            let is_loose = |(_, nodes, _): &(_, Vec<u32>, _)| nodes.iter().any(|&node| index[node as usize] == UNUSED);
-            if let Some(face) = group.iter().position(is_loose) {
-                let nodes = group[face].1.clone();
-                return Err(MeshError::NotAFace { surface: surface.clone(), face, nodes });
-            }
-        }
-        for (index, next) in index.iter_mut().filter(|index| **index != UNUSED).zip(0..) {
-            *index = next;
-        }
-        let before = self.nodes.len();
-        let mut used = index.iter().map(|&index| index != UNUSED);
-        self.nodes.retain(|_| used.next().unwrap_or(true));
-        self.elements = self.elements.map(|node| index[node as usize]);
-        let faces = self.groups.iter_mut().flat_map(|(_, group)| group);
-        faces.flat_map(|(_, nodes, _)| nodes).for_each(|node| *node = index[*node as usize]);
-        Ok(before - self.nodes.len())
-    }
-}
-
-/// Returns the number of nodes that coincide exactly with another node.
-fn coincident(nodes: &[[f64; 3]]) -> usize {
-    // Adding zero turns -0 into +0.
-    let mut positions: Vec<[u64; 3]> = nodes.iter().map(|node| node.map(|x| (x + 0.0).to_bits())).collect();
-    positions.sort_unstable();
-    positions.windows(2).filter(|pair| pair[0] == pair[1]).count()
+    let nodes = raw.nodes.iter().map(|node| node.position).collect();
+    let parts = Parts { nodes, elements, region_of, regions, groups };
+    parts.into_mesh(warnings, |error, groups| source.explain(error, groups))
 }
 
 impl ParsedFile<'_> {
@@ -153,15 +89,12 @@ impl ParsedFile<'_> {
 
     /// Returns the elements, all with nonnegative volume, and the number of elements that had to be reversed.
     fn elements(&self, numbering: &Numbering) -> Result<(Elements, usize), InputError> {
+        let positions: Vec<_> = self.raw.nodes.iter().map(|node| node.position).collect();
         let mut reversed = 0;
         let mut elements = Elements::default();
         for cell in &self.raw.volumes {
             let mut nodes = self.resolve(numbering, cell, cell.cell_type.nouns()[0])?;
-            let positions: Vec<_> = nodes.iter().map(|&node| self.raw.nodes[node as usize].position).collect();
-            if signed_volume(cell.cell_type, &positions) < 0.0 {
-                nodes = cell.cell_type.mirrored().iter().map(|&node| nodes[node]).collect();
-                reversed += 1;
-            }
+            reversed += usize::from(make_upright(cell.cell_type, &mut nodes, &positions));
             elements.push(cell.cell_type, &nodes);
         }
         Ok((elements, reversed))

@@ -3,11 +3,11 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use super::assemble::GroupFaces;
 use super::cursor::DAMAGED;
 use super::raw::{Cell, Raw};
 use crate::fem::element::ElementType;
 use crate::fem::mesh::MeshError;
+use crate::fem::mesh::parts::GroupFaces;
 use crate::input::InputError;
 
 const IMPROVE: &str = "improve the mesh (in Gmsh: Optimize 3D) or mesh again";
