@@ -2,8 +2,9 @@
 
 use nalgebra::Matrix3;
 
+use crate::app::results::PointCloud;
 use crate::fem::equilibrium::BodyState;
-use crate::fem::mesh::PointNumbering;
+use crate::fem::mesh::{Mesh, PointNumbering};
 use crate::fiber::orientation::principal;
 use crate::tensor::{row_major, von_mises};
 use crate::tissue::micro_scale::{PointSummary, RveStatus};
@@ -57,6 +58,50 @@ impl CellFields {
             cells.network.push(s.map_or(-1, |s| s.network as i64));
         }
         cells
+    }
+
+    /// Returns the values at the integration points as a cloud of points at their reference positions.
+    pub fn cloud(
+        &self,
+        mesh: &Mesh,
+        state: &BodyState,
+        volumes: &[f64],
+        region_of: &[u32],
+        rank_of: impl Fn(usize) -> usize,
+    ) -> PointCloud {
+        let numbering = mesh.points();
+        let places: Vec<_> = (0..numbering.len()).map(|point| numbering.locate(point)).collect();
+        let jacobian = state.gradients.iter().map(|f| f.determinant()).collect();
+        PointCloud {
+            positions: mesh.at_points(mesh.nodes()),
+            scalars: vec![
+                ("volume", volumes.to_vec()),
+                ("jacobian", jacobian),
+                ("von_mises_stress", self.von_mises.clone()),
+                ("energy_density", self.energy.clone()),
+                ("fiber_alignment", self.alignment.clone()),
+                ("stretch_min", self.stretch_min.clone()),
+                ("stretch_max", self.stretch_max.clone()),
+            ],
+            integers: vec![
+                ("element", places.iter().map(|place| place.element.into()).collect()),
+                ("point", places.iter().map(|place| place.point.into()).collect()),
+                ("rve_iterations", self.iterations.clone()),
+                ("rve_status", self.status.clone()),
+                ("network", self.network.clone()),
+                ("region", region_of.iter().map(|&region| region.into()).collect()),
+                ("rank", (0..numbering.len()).map(|point| rank_of(point) as i64).collect()),
+            ],
+            vectors: vec![
+                ("displacement", mesh.at_points(&state.displacements)),
+                ("fiber_direction", self.direction.clone()),
+            ],
+            tensors: vec![
+                ("cauchy_stress", self.cauchy.clone()),
+                ("deformation_gradient", self.gradient.clone()),
+                ("fiber_orientation", self.orientation.clone()),
+            ],
+        }
     }
 
     /// Returns the fields of the elements, given those of the points and the volumes of the points. Numbers and tensors

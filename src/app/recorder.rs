@@ -5,13 +5,14 @@ use std::path::{Path, PathBuf};
 use super::case::Case;
 use super::cell_fields::CellFields;
 use super::checkpoint;
-use super::results::collection::{Entry, field_file, index_file, partial};
+use super::results::collection::{Entry, field_file, index_file, partial, point_file, point_index_file};
 use super::results::log::{
     Balance, Cut, Event, Factorizations, LogWriter, NewtonLog, NewtonSeconds, RankTimes, Ranks, RveLog, Step,
 };
 use super::results::{
-    self, CASE_FILE, Collection, FIELDS_FILE, FieldFile, FieldSet, LOADS_FILE, LOG_FILE, LoadsWriter, ResultsError,
-    ResultsRecord, RunProgress, SurfaceRow, failed_rve_file, write_pieces, write_vtu,
+    self, CASE_FILE, Collection, FIELDS_FILE, FieldFile, FieldSet, LOADS_FILE, LOG_FILE, LoadsWriter, POINTS_FILE,
+    ResultsError, ResultsRecord, RunProgress, SurfaceRow, failed_rve_file, write_pieces, write_point_pieces,
+    write_points, write_vtu,
 };
 use super::rve_files::NetworkFiles;
 use crate::app::stress::CauchyStress;
@@ -54,6 +55,8 @@ pub(super) struct Recorder<'a> {
     loads: LoadsWriter,
     log: LogWriter,
     fields: Collection,
+    /// The collection of integration points, if they are written.
+    points: Option<Collection>,
     networks: NetworkFiles,
     /// Reference volume of every integration point.
     volumes: Vec<f64>,
@@ -111,6 +114,15 @@ impl<'a> Recorder<'a> {
                 )
             }
         };
+        let points_file = dir.join(POINTS_FILE);
+        let points = match resumed {
+            None => Collection::new(points_file),
+            // The files of earlier steps stay listed if the resumed run writes none.
+            Some(on) => {
+                let known = results::unlisted_points(dir, on.progress)?;
+                Collection::resume(points_file, on.progress.t(), &known)?
+            }
+        };
         let listed = fields.entries().iter().map(|entry| FieldFile::new(dir, entry.time, &entry.file));
         let written = listed.collect::<Result<_, ResultsError>>()?;
         Ok(Self {
@@ -119,6 +131,7 @@ impl<'a> Recorder<'a> {
             loads,
             log,
             fields,
+            points: case.output.points.then_some(points),
             networks: NetworkFiles::open(dir, rves, mesh.points(), resumed.map(|on| on.progress))?,
             volumes: mesh.point_volumes(),
             region_of: mesh.points().spread(mesh.region_of()),
@@ -168,6 +181,7 @@ impl<'a> Recorder<'a> {
     ) -> Result<(), ResultsError> {
         let stress = |point: usize, f: &_, pk1: &_| self.stress.of(self.region_of[point], f, pk1);
         let points = CellFields::new(state, stress, &field.summaries(), |point| field.sites().status(point));
+        self.write_points((step, whole), mesh, state, &points, field)?;
         let cells = points.averaged(mesh.points(), &self.volumes);
         let region: Vec<i64> = mesh.region_of().iter().map(|&region| region.into()).collect();
         let rank: Vec<i64> =
@@ -207,6 +221,27 @@ impl<'a> Recorder<'a> {
         self.fields.add(state.t, &file)?;
         self.written.push(FieldFile::new(&self.dir, state.t, &file)?);
         self.networks.write((step, whole), state.t, field)
+    }
+
+    /// Writes the values at the integration points, if they are requested.
+    fn write_points<M: TissueMaterial>(
+        &mut self,
+        (step, whole): (usize, bool),
+        mesh: &Mesh,
+        state: &BodyState,
+        values: &CellFields,
+        field: &M,
+    ) -> Result<(), ResultsError> {
+        let Some(collection) = &mut self.points else { return Ok(()) };
+        let of_step = if field.shards().is_some() { point_index_file(step) } else { point_file(step) };
+        let file = if whole { of_step } else { partial(&of_step) };
+        let path = self.dir.join(&file);
+        let cloud = values.cloud(mesh, state, &self.volumes, &self.region_of, |point| field.rank_of(point));
+        match field.shards() {
+            None => write_points(&path, &cloud)?,
+            Some((shard_of, shards)) => write_point_pieces(&path, &cloud, &mesh.points().spread(shard_of), shards)?,
+        }
+        collection.add(state.t, &file)
     }
 
     /// Writes the times of all ranks, one entry per trial state.

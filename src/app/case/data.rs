@@ -231,6 +231,8 @@ pub struct OutputCase {
     pub directory: PathBuf,
     /// Number of steps between two outputs of the fields; the last step is always written.
     pub every: usize,
+    /// Whether the values at the integration points are written with the fields.
+    pub points: bool,
     /// The elements whose deformed networks are written too.
     pub rve: ElementSelection,
 }

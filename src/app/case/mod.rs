@@ -73,6 +73,7 @@
 //! [output]
 //! directory = "results"                    # default; relative to the case file
 //! every = 1                                # default; steps between two writings of the fields
+//! points = false                           # default; or true: also the values at the integration points
 //! rve = "none"                             # default; or "all", or ids of elements, such as [0, 17]
 //! "#;
 //! # use std::path::Path;
@@ -227,10 +228,10 @@
 //! source of the mesh; the new nodes lie at the centers of edges, faces and elements, so that curved surfaces do not
 //! become smoother. There are no wedges of order 2. A mesh that is of order 2 in its file needs no `order`.
 //!
-//! # Restrictions
 //! A `.vtu` file (`file = "body.vtu"`) has numbers instead of names: the regions `region_1`, `region_2`, ... and the
 //! surfaces `surface_1`, ... are the values of an integer array `region` of its cells ([`crate::app::vtu`]).
 //!
+//! # Restrictions
 //!
 //! * A surface may appear in several boundaries and a node in several points, but each component is prescribed once: by
 //!   a displacement or by a nonzero traction. Body forces of one region add up.

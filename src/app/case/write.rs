@@ -93,7 +93,9 @@ impl Case {
             ElementSelection::All => entry("rve", "all"),
             ElementSelection::Elements(ids) => entry("rve", ids),
         };
-        section(&mut out, "[output]", [path("directory", &output.directory), entry("every", output.every), rve]);
+        let entries = [path("directory", &output.directory), entry("every", output.every)];
+        let points = entry("points", output.points);
+        section(&mut out, "[output]", entries.into_iter().chain([points, rve]));
         out
     }
 }

@@ -104,7 +104,7 @@ fn text_of(case: &Case) -> String {
     let mut case = case.clone();
     case.title.clear();
     case.scales = ScalesCase::default();
-    case.output = OutputCase { directory: PathBuf::new(), every: 1, rve: ElementSelection::None };
+    case.output = OutputCase { directory: PathBuf::new(), every: 1, points: false, rve: ElementSelection::None };
     // A run stays the same if its folder is moved; the content of the files is compared by hash.
     if let MeshSource::File(file) = &mut case.mesh {
         *file = name_of(file);

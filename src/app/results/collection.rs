@@ -37,6 +37,16 @@ pub fn index_file(step: usize) -> String {
     format!("fields-{step:05}.pvtu")
 }
 
+/// Returns the name of the file of integration points of a step.
+pub fn point_file(step: usize) -> String {
+    format!("points-{step:05}.vtu")
+}
+
+/// Returns the name of the index file of a step, which names the pieces of the integration points of a divided body.
+pub fn point_index_file(step: usize) -> String {
+    format!("points-{step:05}.pvtu")
+}
+
 /// Returns the file name of a state within the step after the step of `file`, as left by a failed run.
 pub fn partial(file: &str) -> String {
     match file.rsplit_once('.') {

@@ -4,6 +4,7 @@
 //! |---|---|---|
 //! | `fields.pvd` and the `.vtu` files it names | [`collection`], [`fields`] | at every output step |
 //! | for a divided body: `.pvtu` files and the `.vtu` pieces they name | [`pieces`] | at every output step |
+//! | `points.pvd` and the `.vtu` (or `.pvtu`) files it names | [`collection`], [`points`] | with the fields, if requested |
 //! | `loads.csv` | [`loads`] | one row per converged step |
 //! | `log.jsonl` | [`log`] | one line per event |
 //! | `rve/element-NNNNN.pvd` and the `.vtp` files it names | [`collection`], [`networks`] | with the fields, if requested |
@@ -32,6 +33,7 @@ mod names;
 pub mod networks;
 mod origin;
 pub mod pieces;
+pub mod points;
 mod record;
 mod replace;
 mod vtk;
@@ -49,13 +51,16 @@ pub use networks::{NetworkSet, Networks, read_vtp, write_vtp};
 pub use origin::check_origin;
 pub(in crate::app) use origin::{case_copy, is_report, results_without_checkpoint};
 pub use pieces::write_pieces;
-pub use record::{FieldFile, NetworkSeries, ResultsRecord, RunProgress, network_series};
+pub use points::{PointCloud, PointValues, read_points, write_point_pieces, write_points};
+pub use record::{FieldFile, NetworkSeries, ResultsRecord, RunProgress, network_series, unlisted_points};
 pub(in crate::app) use replace::{names_in, replace};
+pub(in crate::app) use vtk::attribute;
+pub(in crate::app) use vtk_cells::{place as vtk_place, volume_type};
 
 /// Name of the collection of field files in a result directory.
 pub const FIELDS_FILE: &str = "fields.pvd";
-pub(in crate::app) use vtk::attribute;
-pub(in crate::app) use vtk_cells::{place as vtk_place, volume_type};
+/// Name of the collection of files of integration points in a result directory.
+pub const POINTS_FILE: &str = "points.pvd";
 /// Name of the table of loads in a result directory.
 pub const LOADS_FILE: &str = "loads.csv";
 /// Name of the log in a result directory.

@@ -7,11 +7,11 @@ use super::pieces::part_file;
 /// A file of a step or an element, recognized by its name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum FileName {
-    /// The fields of an undivided body.
+    /// The fields or the integration points of an undivided body.
     Fields { step: usize },
     /// The index file of the pieces of a divided body.
     Index { step: usize },
-    /// The fields of a piece of a divided body.
+    /// The fields or the integration points of a piece of a divided body.
     Part { step: usize },
     /// The network of an RVE.
     Network { point: NetworkPoint, step: usize },
@@ -24,6 +24,9 @@ pub(super) enum FileName {
 impl FileName {
     /// Parses a name; `None` if no run writes such a name.
     pub(super) fn parse(name: &str) -> Option<Self> {
+        // Integration points have the names of fields with another beginning.
+        let as_fields = name.strip_prefix("points-").map(|rest| format!("fields-{rest}"));
+        let name = as_fields.as_deref().unwrap_or(name);
         let of_step = name.replacen("-partial", "", 1);
         let (kind, whole) = if let Some([step]) = numbers(&of_step, ["fields-", ".vtu"]) {
             (Self::Fields { step }, field_file(step))
@@ -66,7 +69,7 @@ impl FileName {
         }
     }
 
-    /// Returns true for fields, in one file or in pieces.
+    /// Returns true for fields and integration points, in one file or in pieces.
     pub(super) fn is_fields(self) -> bool {
         matches!(self, Self::Fields { .. } | Self::Index { .. } | Self::Part { .. } | Self::Partial)
     }
@@ -110,6 +113,11 @@ mod tests {
             ("fields-00003-partial.pvtu", Some(Partial)),
             ("fields-00003-partial-part-0002.vtu", Some(Partial)),
             ("element-00017-step-00003-partial.vtp", Some(Partial)),
+            ("points-00003.vtu", Some(Fields { step: 3 })),
+            ("points-00003.pvtu", Some(Index { step: 3 })),
+            ("points-00003-part-0002.vtu", Some(Part { step: 3 })),
+            ("points-00003-partial.vtu", Some(Partial)),
+            ("points-3.vtu", None),
             ("fields-3.vtu", None),
             ("fields-+0003.vtu", None),
             ("fields-00003.vtu.bak", None),

@@ -14,7 +14,7 @@ use super::names::FileName;
 use super::replace::names_in;
 use super::{
     CASE_FILE, CHECKPOINT_FOLDER, Collection, FAILED_RVE_FOLDER, FIELDS_FILE, LOADS_FILE, LOG_FILE, Loads,
-    NETWORKS_FOLDER, ResultsError,
+    NETWORKS_FOLDER, POINTS_FILE, ResultsError,
 };
 use crate::app::case::Case;
 use crate::app::checkpoint;
@@ -46,7 +46,7 @@ pub fn check_origin(dir: &Path) -> Result<(), ResultsError> {
             CASE_FILE => is_case_copy,
             LOADS_FILE => |bytes, _| is_loads(bytes),
             LOG_FILE => |bytes, _| is_log(bytes),
-            FIELDS_FILE => {
+            FIELDS_FILE | POINTS_FILE => {
                 |bytes, _| is_collection_of(bytes, |name| name.is_fields() && !matches!(name, FileName::Part { .. }))
             }
             _ => match FileName::parse(name)? {

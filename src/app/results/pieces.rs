@@ -46,24 +46,57 @@ pub fn write_pieces(path: &Path, fields: &FieldSet, part_of: &[u32], parts: usiz
         write_piece(&path.with_file_name(&source), own, fields)?;
         sources.push(source);
     }
-    replace(path, &index(&sources, fields).map_err(ResultsError::write(path))?)
+    let of_points = Arrays::new(&[], &[], &fields.point_vectors, &[]);
+    let of_cells = Arrays::new(&fields.cell_scalars, &fields.cell_integers, &fields.cell_vectors, &fields.cell_tensors);
+    replace(path, &index(&sources, &of_points, &of_cells).map_err(ResultsError::write(path))?)
 }
 
-fn index(sources: &[String], fields: &FieldSet) -> io::Result<Vec<u8>> {
+/// The declarations of arrays: each with its name, its type and its number of components.
+#[derive(Default)]
+pub(super) struct Arrays<'a> {
+    /// The active arrays: kind and name.
+    active: Vec<(&'a str, &'a str)>,
+    arrays: Vec<Array<'a>>,
+}
+
+impl<'a> Arrays<'a> {
+    /// Declares arrays in the order in which [`write_vtu`] writes them.
+    pub fn new(
+        scalars: &[(&'a str, &[f64])],
+        integers: &[(&'a str, &[i64])],
+        vectors: &[(&'a str, &[[f64; 3]])],
+        tensors: &[(&'a str, &[[f64; 9]])],
+    ) -> Self {
+        let arrays = (scalars.iter().map(|&(name, _)| (name, "Float64", "1")))
+            .chain(integers.iter().map(|&(name, _)| (name, "Int64", "1")))
+            .chain(vectors.iter().map(|&(name, _)| (name, "Float64", "3")))
+            .chain(tensors.iter().map(|&(name, _)| (name, "Float64", "9")));
+        // As in the pieces, the first array of its kind is the active one.
+        let active = (vectors.first().map(|&(name, _)| ("Vectors", name)))
+            .into_iter()
+            .chain(tensors.first().map(|&(name, _)| ("Tensors", name)));
+        Self { active: active.collect(), arrays: arrays.collect() }
+    }
+}
+
+/// Returns the text of an index file.
+pub(super) fn index(sources: &[String], of_points: &Arrays, of_cells: &Arrays) -> io::Result<Vec<u8>> {
     write_text(&FILE, |writer| {
         let grid = writer.create_element("PUnstructuredGrid").with_attribute(("GhostLevel", "0"));
-        grid.write_inner_content(|writer| arrays_and_sources(writer, sources, fields))?;
+        grid.write_inner_content(|writer| arrays_and_sources(writer, sources, of_points, of_cells))?;
         Ok(())
     })
 }
 
-fn arrays_and_sources(writer: &mut Writer<Vec<u8>>, sources: &[String], fields: &FieldSet) -> io::Result<()> {
-    let of_points: Vec<Array> = fields.point_vectors.iter().map(|&(name, _)| (name, "Float64", "3")).collect();
-    let active = [first("Vectors", &fields.point_vectors), None];
-    declare(writer, "PPointData", active, &of_points)?;
-    let active = [first("Vectors", &fields.cell_vectors), first("Tensors", &fields.cell_tensors)];
-    declare(writer, "PCellData", active, &arrays_of_cells(fields))?;
-    declare(writer, "PPoints", [None, None], &[("Points", "Float64", "3")])?;
+fn arrays_and_sources(
+    writer: &mut Writer<Vec<u8>>,
+    sources: &[String],
+    of_points: &Arrays,
+    of_cells: &Arrays,
+) -> io::Result<()> {
+    declare(writer, "PPointData", of_points)?;
+    declare(writer, "PCellData", of_cells)?;
+    declare(writer, "PPoints", &Arrays { active: Vec::new(), arrays: vec![("Points", "Float64", "3")] })?;
     for source in sources {
         writer.create_element("Piece").with_attribute(("Source", source.as_str())).write_empty()?;
     }
@@ -101,15 +134,15 @@ fn cut<'a, T: Copy>(fields: &[(&'a str, &[T])], places: &[u32]) -> Vec<(&'a str,
     fields.iter().map(|&(name, values)| (name, gather(values, places))).collect()
 }
 
-fn gather<T: Copy>(values: &[T], places: &[u32]) -> Vec<T> {
+pub(super) fn gather<T: Copy>(values: &[T], places: &[u32]) -> Vec<T> {
     places.iter().map(|&place| values[place as usize]).collect()
 }
 
-fn borrow<'a, T>(fields: &'a [(&'a str, Vec<T>)]) -> Vec<(&'a str, &'a [T])> {
+pub(super) fn borrow<'a, T>(fields: &'a [(&'a str, Vec<T>)]) -> Vec<(&'a str, &'a [T])> {
     fields.iter().map(|(name, values)| (*name, values.as_slice())).collect()
 }
 
-fn file_name(path: &Path) -> Result<&str, ResultsError> {
+pub(super) fn file_name(path: &Path) -> Result<&str, ResultsError> {
     path.file_name().and_then(OsStr::to_str).ok_or_else(|| {
         ResultsError::write(path)(io::Error::new(io::ErrorKind::InvalidInput, "its name is not UTF-8 text"))
     })
@@ -122,30 +155,11 @@ const FILE: [(&str, &str); 4] =
 /// The declaration of an array: its name, its type and its number of components.
 type Array<'a> = (&'a str, &'a str, &'a str);
 
-/// The arrays of the elements, in the order in which [`write_vtu`] writes them.
-fn arrays_of_cells<'a>(fields: &FieldSet<'a>) -> Vec<Array<'a>> {
-    let scalars = fields.cell_scalars.iter().map(|&(name, _)| (name, "Float64", "1"));
-    let integers = fields.cell_integers.iter().map(|&(name, _)| (name, "Int64", "1"));
-    let vectors = fields.cell_vectors.iter().map(|&(name, _)| (name, "Float64", "3"));
-    let tensors = fields.cell_tensors.iter().map(|&(name, _)| (name, "Float64", "9"));
-    scalars.chain(integers).chain(vectors).chain(tensors).collect()
-}
-
-/// Makes the first field the active one of its kind, as in the pieces.
-fn first<'a, T>(kind: &'a str, fields: &[(&'a str, T)]) -> Option<(&'a str, &'a str)> {
-    fields.first().map(|(name, _)| (kind, *name))
-}
-
 /// Declares the arrays of the points, of the elements, or the positions.
-fn declare<'a>(
-    writer: &mut Writer<Vec<u8>>,
-    element: &str,
-    active: [Option<(&'a str, &'a str)>; 2],
-    arrays: &[Array<'a>],
-) -> io::Result<()> {
-    let element = writer.create_element(element).with_attributes(active.into_iter().flatten());
+fn declare(writer: &mut Writer<Vec<u8>>, element: &str, arrays: &Arrays) -> io::Result<()> {
+    let element = writer.create_element(element).with_attributes(arrays.active.iter().copied());
     element.write_inner_content(|writer| {
-        for &(name, kind, components) in arrays {
+        for &(name, kind, components) in &arrays.arrays {
             let array = [("type", kind), ("Name", name), ("NumberOfComponents", components)];
             writer.create_element("PDataArray").with_attributes(array).write_empty()?;
         }

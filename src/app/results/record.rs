@@ -13,7 +13,7 @@ use super::loads::LineChecksum;
 use super::names::FileName;
 use super::networks::{NetworkPoint, network_collection};
 use super::replace::names_in;
-use super::{Collection, FIELDS_FILE, LOADS_FILE, Loads, NETWORKS_FOLDER, ResultsError};
+use super::{Collection, FIELDS_FILE, LOADS_FILE, Loads, NETWORKS_FOLDER, POINTS_FILE, ResultsError};
 
 /// The progress of a run.
 #[derive(Clone, Copy, Debug)]
@@ -96,7 +96,11 @@ impl ResultsRecord {
             }
         }
         // Files of states after the checkpoint will be written again.
-        for entry in listed.iter().filter(|entry| entry.time <= t) {
+        let collection = dir.join(POINTS_FILE);
+        let points = Collection::listed(&collection)?.unwrap_or_default();
+        let lost = unlisted_points(dir, progress)?.len();
+        restored.extend(restored_message(&collection, lost, "a file of points", "files of points"));
+        for entry in listed.iter().chain(&points).filter(|entry| entry.time <= t) {
             let path = dir.join(&entry.file);
             file_length(&path)?;
             if path.extension().is_some_and(|extension| extension == "pvtu") {
@@ -143,6 +147,29 @@ fn file_length(path: &Path) -> Result<u64, ResultsError> {
         Ok(there) if there.is_file() => Ok(there.len()),
         _ => Err(ResultsError::damaged(path, None, "is missing", EXPECTED)),
     }
+}
+
+/// Returns the files of integration points in `dir` up to the last converged step, in ascending time, if their
+/// collection is missing or damaged, and none otherwise.
+///
+/// # Errors
+/// Returns [`ResultsError::Read`] if the folder or the collection cannot be read.
+pub fn unlisted_points(dir: &Path, progress: RunProgress) -> Result<Vec<Entry>, ResultsError> {
+    if Collection::listed(&dir.join(POINTS_FILE))?.is_some_and(|listed| !listed.is_empty()) {
+        return Ok(Vec::new());
+    }
+    let mut files = BTreeMap::new();
+    for name in names_in(dir).map_err(ResultsError::read(dir))? {
+        match FileName::parse(&name) {
+            Some(FileName::Fields { step } | FileName::Index { step })
+                if name.starts_with("points-") && step <= progress.steps =>
+            {
+                files.insert(step, name);
+            }
+            _ => {}
+        }
+    }
+    Ok(files.into_iter().map(|(step, file)| Entry { time: progress.t_of(step), file }).collect())
 }
 
 /// Returns all RVEs that have a collection of networks in `folder`, or networks of converged steps, ascending.

@@ -90,6 +90,25 @@ impl Mesh {
         signed_volume(self.elements.cell_type(element), &self.positions(element))
     }
 
+    /// Returns a vector field at each integration point, given its values at the nodes: `sum_a N_a v_a`. The positions
+    /// of the nodes give those of the points.
+    ///
+    /// # Panics
+    /// Panics if there are fewer values than nodes.
+    pub fn at_points(&self, values: &[[f64; 3]]) -> Vec<[f64; 3]> {
+        let mut at_points = Vec::with_capacity(self.points.len());
+        for (element_type, nodes) in self.elements.typed() {
+            element_type.integrate(&self.positions_of(nodes), |shape, _| {
+                let mut sum = [0.0; 3];
+                for (&node, weight) in nodes.iter().zip(shape) {
+                    sum.iter_mut().zip(values[node as usize]).for_each(|(sum, value)| *sum += weight * value);
+                }
+                at_points.push(sum);
+            });
+        }
+        at_points
+    }
+
     /// Returns the volume of each integration point, m^3; those of an element sum to its volume.
     pub fn point_volumes(&self) -> Vec<f64> {
         let mut volumes = Vec::with_capacity(self.points.len());

@@ -43,6 +43,24 @@ fn surface(name: &str, triangles: &[[u32; 3]]) -> Surface {
 }
 
 #[test]
+fn linear_fields_are_exact_at_the_points() {
+    for element_type in ElementType::ALL {
+        let mesh = shapes::cuboid_of(element_type, [2, 1, 1], [1.0, 0.5, 0.5]).unwrap();
+        let field = |[x, y, z]: [f64; 3]| [x - 2.0 * y, 3.0, x + y + z];
+        let values: Vec<_> = mesh.nodes().iter().map(|&x| field(x)).collect();
+        let (positions, found) = (mesh.at_points(mesh.nodes()), mesh.at_points(&values));
+        assert_eq!((positions.len(), found.len()), (mesh.points().len(), mesh.points().len()));
+        for (&position, found) in positions.iter().zip(found) {
+            assert!(field(position).iter().zip(found).all(|(a, b)| (a - b).abs() < 1e-14), "{element_type:?}");
+        }
+        // The points of the first element integrate its positions.
+        let volumes = mesh.point_volumes();
+        let first: f64 = mesh.points().of_element(0).map(|point| volumes[point] * positions[point][0]).sum();
+        assert!((first / mesh.element_volume(0) - mesh.center(0)[0]).abs() < 1e-14, "{element_type:?}");
+    }
+}
+
+#[test]
 fn every_invariant_is_checked() {
     let name = String::from;
     assert_eq!(error_after(|p| p.elements.clear()), MeshError::NoElements);

@@ -73,6 +73,7 @@ fn every_entry_is_read() {
     );
     assert_eq!(case.scales, ScalesCase { macro_ranks: 1, micro_ranks: 3, near: true });
     assert_eq!(case.output.directory, folder.path().join("out/pull"));
+    assert!(case.output.points);
     assert_eq!((case.output.every, case.output.rve), (5, ElementSelection::Elements(vec![0, 17])));
 
     assert!(warnings.is_empty(), "{warnings:?}");
@@ -107,7 +108,7 @@ fn defaults_fill_in() {
     );
     assert_eq!(case.scales, ScalesCase { macro_ranks: 1, micro_ranks: 0, near: false });
     let directory = folder.path().join("results");
-    assert_eq!(case.output, OutputCase { directory, every: 1, rve: ElementSelection::None });
+    assert_eq!(case.output, OutputCase { directory, every: 1, points: false, rve: ElementSelection::None });
 }
 
 #[test]

@@ -115,6 +115,7 @@ near = true
 [output]
 directory = "out/pull"
 every = 5
+points = true
 rve = [17, 0, 17]
 "#;
 
