@@ -120,9 +120,17 @@ fn check_prints_the_plan_and_writes_nothing() {
         (&plan["ranks"], &plan["regions"], &plan["networks"][0]["rves"]),
         (&1.into(), &serde_json::json!(["body"]), &6.into())
     );
+    assert_eq!((&plan["element_types"], &plan["integration_points"]), (&serde_json::json!({ "tet4": 6 }), &6.into()));
     assert!(plan["rve_bytes"].as_u64() > Some(0));
     let text = line(folder.path(), "check case.toml");
-    for words in ["title      Fibers", "6 elements, 8 nodes", "8 free", "frozen.txt", "x0, x1, y0, y1, z0, z1"] {
+    for words in [
+        "title      Fibers",
+        "6 elements, 8 nodes",
+        "6 tet4; 6 integration points",
+        "8 free",
+        "frozen.txt",
+        "x0, x1, y0, y1, z0, z1",
+    ] {
         assert!(text.done().contains(words), "{words}: {}", text.stdout);
     }
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "only the case");

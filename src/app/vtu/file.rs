@@ -112,13 +112,19 @@ impl Reader<'_> {
         let mut reader = quick_xml::Reader::from_str(self.text);
         let (mut line, mut counted) = (1, 0);
         let (mut section, mut open) = (None, None::<(Tag, String)>);
+        // Depth of elements within an array, such as the ranges that VTK writes there.
+        let mut nested = 0_usize;
         loop {
             let event = reader.read_event();
             let at = usize::try_from(reader.buffer_position()).unwrap_or(usize::MAX).min(self.text.len());
             line += self.text.as_bytes()[counted..at].iter().filter(|&&byte| byte == b'\n').count();
             counted = at;
             let event = event.map_err(|error| self.error(line, format!("not XML: {error}")))?;
+            let is_empty = matches!(&event, Event::Empty(tag) if tag.name().as_ref() == "DataArray");
             match event {
+                Event::Start(_) if open.is_some() => nested += 1,
+                Event::End(_) if nested > 0 => nested -= 1,
+                Event::Text(_) if nested > 0 => {}
                 Event::Start(tag) | Event::Empty(tag) if tag.name().as_ref() == "DataArray" => {
                     if let Some(read) = section.map(|_| self.tag(line, &tag)).transpose()? {
                         open = Some((read, String::new()));
@@ -145,8 +151,7 @@ impl Reader<'_> {
                 Event::Eof => break,
                 _ => {}
             }
-            // The tag of an array without content, as appended ones have, does not end separately.
-            if open.as_ref().is_some_and(|(tag, _)| matches!(tag.format, Format::Appended(_))) {
+            if is_empty {
                 self.close(&mut open, section)?;
             }
         }

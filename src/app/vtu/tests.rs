@@ -300,6 +300,21 @@ fn inverted_elements_and_unused_nodes_are_corrected() {
     assert_eq!((mesh.regions()[0].as_str(), mesh.surface_names().collect::<Vec<_>>()), ("body", vec!["surface"]));
 }
 
+/// VTK writes the ranges of an array inside of it.
+#[test]
+fn elements_within_arrays_are_skipped() {
+    let keys =
+        "<InformationKey name=\"L2_NORM_RANGE\" length=\"2\"><Value index=\"0\">0</Value></InformationKey></DataArray>";
+    let mesh = parsed(TEXT.as_bytes()).unwrap().mesh;
+    assert_eq!(parsed(TEXT.replace("</DataArray>", keys).as_bytes()).unwrap().mesh, mesh);
+    let form = Form { is_appended: true, ..Form::default() };
+    let mesh = cuboid_of(ElementType::Hex8, [1; 3], [1.0; 3]).unwrap();
+    let file = String::from_utf8(form.file(&mesh)).unwrap();
+    let with_keys = file.replace("\"/></", &format!("\">{keys}</"));
+    assert_ne!(with_keys, file);
+    assert_eq!(parsed(with_keys.as_bytes()).unwrap().mesh, parsed(file.as_bytes()).unwrap().mesh);
+}
+
 #[test]
 fn invalid_files_name_the_line_and_a_cure() {
     for (from, to, expected) in [
