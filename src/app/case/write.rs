@@ -28,12 +28,13 @@ pub(super) type Entry<'a> = (&'a str, String);
 impl Case {
     /// Returns the case as run: defaults filled in, elastic constants converted, networks listed, paths absolute, so
     /// that it can be read from any folder. Reading it gives an equal case except for the file and the line numbers (a
-    /// path that is not Unicode, which no case file can contain, is written with replacement characters).
+    /// path that is not Unicode, which no case file can contain, is written with replacement characters). The keys
+    /// `element`, `order` and `points`, which earlier versions do not know, are written only if they are not the default.
     pub fn to_toml(&self) -> String {
         let Self { steps, newton, micro, scales, output, .. } = self;
         let mut out = format!("# The case as run by biotissue {}, defaults filled in.\n", env!("CARGO_PKG_VERSION"));
         write(&mut out, [text("title", &self.title)]);
-        // Only keys that earlier versions know are written always: a checkpoint compares the lines of the case.
+        // A checkpoint compares the lines of the case.
         let quadratic = self.quadratic.map(|quadratic| quadratic_entries(quadratic.hexahedra));
         let entries = [mesh(&self.mesh)].into_iter().chain(quadratic.into_iter().flatten());
         section(&mut out, "[mesh]", entries.chain([entry("scale", self.mesh_scale)]));
@@ -94,8 +95,8 @@ impl Case {
             ElementSelection::Elements(ids) => entry("rve", ids),
         };
         let entries = [path("directory", &output.directory), entry("every", output.every)];
-        let points = entry("points", output.points);
-        section(&mut out, "[output]", entries.into_iter().chain([points, rve]));
+        let points = output.points.then(|| entry("points", true));
+        section(&mut out, "[output]", entries.into_iter().chain(points).chain([rve]));
         out
     }
 }
