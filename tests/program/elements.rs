@@ -278,6 +278,8 @@ fn every_formula_is_a_material_and_a_matrix() {
         assert_eq!(read(folder, &format!("rve-{number}/loads.csv")), history, "{formula}");
         assert!(!histories.contains(&history), "{formula}");
         histories.push(history);
+    }
+}
 
 /// A mesh in a `.vtu` file runs as the same mesh in a Gmsh file; names of groups are numbers.
 #[test]
