@@ -56,6 +56,16 @@ fn boxes_of_other_elements() {
 }
 
 #[test]
+fn a_dogbone_of_order_2() {
+    let folder = tempfile::tempdir().unwrap();
+    let summary = summary(&mesh(folder.path(), "dogbone --element-size 0.004 --order 2 -o bone.msh --json"));
+    let linear = dogbone(&DogboneShape::default(), 0.004).unwrap();
+    assert_eq!(summary["element_types"], serde_json::json!({ "tet10": linear.elements().len() }));
+    let read = gmsh::read(&folder.path().join("bone.msh")).unwrap().mesh;
+    assert_eq!(read, linear.quadratic(Default::default()).unwrap());
+}
+
+#[test]
 fn a_dogbone_has_the_given_dimensions() {
     let folder = tempfile::tempdir().unwrap();
     let output = mesh(folder.path(), "dogbone --element-size 0.002 --length 0.05 --thickness 0.003 -o bone.msh");

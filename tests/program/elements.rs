@@ -287,7 +287,7 @@ fn a_vtu_file_is_a_mesh() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let data = beside("data");
-    for name in ["tet10", "hex8", "hex20", "hex27"] {
+    for name in ["tet10", "hex8", "hex20", "wedge6", "hex27"] {
         std::fs::copy(data.join(format!("gmsh/ring_{name}_4.1_text.msh")), folder.join("ring.msh")).unwrap();
         std::fs::copy(data.join(format!("vtu/ring_{name}_zlib.vtu")), folder.join("ring.vtu")).unwrap();
         let text = |file: &str, region: &str, surface: &str| {
