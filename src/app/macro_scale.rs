@@ -5,8 +5,8 @@ use std::sync::Arc;
 use super::case::{BodyForceCase, BoundaryCase, Case, MeshSource, PointPlace, QuadraticCase, SurfaceLoad};
 use super::vtu;
 use crate::fem::boundary::{
-    BodyForce, Boundary, BoundaryError, Conditions, LoadCondition, PointCondition, PointLocation, SurfaceCondition,
-    Traction,
+    BodyForce, Boundary, BoundaryError, Conditions, LoadCondition, PointCondition, PointLocation, Pressure,
+    SurfaceCondition, Traction,
 };
 use crate::fem::mesh::shapes::{self, ShapeError};
 use crate::fem::mesh::{Mesh, MeshError, gmsh};
@@ -163,6 +163,7 @@ pub fn conditions(case: &Case) -> Conditions {
         match *load {
             SurfaceLoad::Displacement(displacement) => surfaces.push(SurfaceCondition { surface, displacement, curve }),
             SurfaceLoad::Traction(value) => loads.push(Arc::new(Traction { surface, value, curve })),
+            SurfaceLoad::Pressure(value) => loads.push(Arc::new(Pressure { surface, value, curve })),
         }
     }
     let points = case.points.iter().map(|point| PointCondition {

@@ -208,6 +208,9 @@ fn loads(case: &Case, edge: f64, softest: Option<&Stiffness>) -> Vec<Load> {
             SurfaceLoad::Traction(value) => {
                 force(boundary.line, &format!("the traction on {place}"), value, None, &boundary.curve)
             }
+            SurfaceLoad::Pressure(value) => {
+                force(boundary.line, &format!("the pressure on {place}"), &[*value, 0.0, 0.0], None, &boundary.curve)
+            }
         }
     });
     let points =

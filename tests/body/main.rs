@@ -16,4 +16,6 @@ mod elements;
 mod equilibrium;
 mod gmsh;
 #[cfg(feature = "sparse")]
+mod pressure;
+#[cfg(feature = "sparse")]
 mod state_dependent_loads;

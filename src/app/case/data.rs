@@ -116,6 +116,8 @@ pub enum SurfaceLoad {
     Displacement([Option<f64>; 3]),
     /// Traction: force per reference area, Pa.
     Traction([f64; 3]),
+    /// Pressure on the deformed surface, Pa; positive if it presses on the body.
+    Pressure(f64),
 }
 
 /// A prescribed displacement at a node.

@@ -34,16 +34,11 @@ pub(super) fn boundaries(root: &mut Table<'_>) -> Vec<BoundaryCase> {
 }
 
 fn boundary_load(table: &mut Table<'_>) -> Option<SurfaceLoad> {
-    if let Some(pressure) = table.get("pressure") {
-        pressure.unavailable("`pressure` on a boundary", "`displacement` or `traction`", "prescribe one of these");
-        // These keys are valid, so they are not reported as unknown.
-        table.get("displacement");
-        table.get("traction");
-        return None;
-    }
-    match table.either("displacement", "traction")? {
-        Either::First(displacement) => displacement_of(&displacement).map(SurfaceLoad::Displacement),
-        Either::Second(traction) => traction.vector(Range::any("Pa")).map(SurfaceLoad::Traction),
+    let (key, value) = table.one_of(&["displacement", "traction", "pressure"])?;
+    match key {
+        "displacement" => displacement_of(&value).map(SurfaceLoad::Displacement),
+        "traction" => value.vector(Range::any("Pa")).map(SurfaceLoad::Traction),
+        _ => value.number(Range::any("Pa")).map(SurfaceLoad::Pressure),
     }
 }
 
@@ -66,6 +61,7 @@ fn prescribed_components(load: &SurfaceLoad) -> [bool; 3] {
     match load {
         SurfaceLoad::Displacement(components) => components.map(|component| component.is_some()),
         SurfaceLoad::Traction(components) => components.map(|component| component != 0.0),
+        SurfaceLoad::Pressure(_) => [false; 3],
     }
 }
 

@@ -35,6 +35,10 @@
 //! traction = [4.0e4, 0.0, 0.0]             # Pa of reference area
 //! curve = [[0.0, 0.0], [0.5, 1.0], [1.0, 0.2]]   # factor over pseudo-time t; default "ramp": the factor is t
 //!
+//! [[boundary]]
+//! surface = "z1"
+//! pressure = 1.0e3                         # Pa of current area, normal to the deformed surface; presses on the body
+//!
 //! [[point]]
 //! at = [0.0, 0.0, 0.0]                     # the node nearest to it, in mesh units; or: node = 0
 //! displacement = { y = 0.0, z = 0.0 }
@@ -234,10 +238,10 @@
 //! # Restrictions
 //!
 //! * A surface may appear in several boundaries and a node in several points, but each component is prescribed once: by
-//!   a displacement or by a nonzero traction. Body forces of one region add up.
+//!   a displacement or by a nonzero traction. Pressures on one surface add up, as do body forces of one region.
 //! * Names of regions are unique. The region `*` covers every region of the mesh that no other `[[region]]` names, so
 //!   that no region has two materials.
-//! * `pressure` on a boundary and `[[constraint]]` are recognized and rejected: they are not available in this version.
+//! * `[[constraint]]` is recognized and rejected: it is not available in this version.
 
 mod data;
 mod elastic;

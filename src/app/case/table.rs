@@ -5,7 +5,7 @@ use std::ops::RangeInclusive;
 
 use toml::de::{DeTable, DeValue};
 
-use super::problems::{Problems, nearest};
+use super::problems::{Problems, alternatives, nearest};
 use super::range::Range;
 use super::value::Value;
 use crate::input::excerpt;
@@ -98,6 +98,29 @@ impl<'d> Table<'d> {
             }
             (None, None) => {
                 self.report(&format!("has neither `{first}` nor `{second}`"), expected, "add one of them");
+                None
+            }
+        }
+    }
+
+    /// Returns the key and the value of the only one of several keys; exactly one is required.
+    pub(super) fn one_of(&mut self, keys: &[&'static str]) -> Option<(&'static str, Value<'d>)> {
+        let mut given: Vec<_> = keys.iter().filter_map(|&key| Some((key, self.get(key)?))).collect();
+        given.sort_by_key(|(_, value)| value.line);
+        let names = alternatives(keys.iter().copied(), '`').replace(" or ", " and ");
+        let expected = format!("exactly one of {names}");
+        match &given[..] {
+            [] => {
+                self.report(&format!("has none of {names}"), expected, "add one of them");
+                None
+            }
+            [_] => given.pop(),
+            [(_, early), rest @ ..] => {
+                for (_, late) in rest {
+                    let what =
+                        format!("`{}` is given in addition to `{}` of line {}", late.path, early.path, early.line);
+                    self.problems.report(late.line, what, &*expected, "keep one of them and remove the other");
+                }
                 None
             }
         }

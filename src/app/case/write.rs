@@ -50,6 +50,7 @@ impl Case {
             let load = match &boundary.load {
                 SurfaceLoad::Displacement(components) => displacement(components),
                 SurfaceLoad::Traction(traction) => entry("traction", traction),
+                SurfaceLoad::Pressure(pressure) => entry("pressure", pressure),
             };
             section(&mut out, "[[boundary]]", [text("surface", &boundary.surface), load, curve(&boundary.curve)]);
         }

@@ -1,7 +1,7 @@
 //! Boundary conditions: named [`Conditions`], resolved on a mesh into a [`Boundary`].
 //!
-//! A condition either prescribes displacements or is a [`Load`]. A new load (a follower pressure, an elastic
-//! foundation) is a new file that implements [`LoadCondition`] and [`Load`]; nothing else in [`fem`](crate::fem)
+//! A condition either prescribes displacements or is a [`Load`]. A new load (an elastic foundation,
+//! for example) is a new file that implements [`LoadCondition`] and [`Load`]; nothing else in [`fem`](crate::fem)
 //! depends on the kind of load.
 //!
 //! # Shared nodes
@@ -16,6 +16,7 @@ mod dead;
 mod error;
 mod load;
 mod prescribed;
+mod pressure;
 
 pub use conditions::{Conditions, PointCondition, PointLocation, SurfaceCondition};
 pub use curve::{CurveError, LoadCurve, LoadTable};
@@ -23,6 +24,7 @@ pub use dead::{BodyForce, Traction};
 pub use error::BoundaryError;
 pub use load::{CoupledNodes, Load, LoadCondition};
 pub use prescribed::{PrescribedComponent, Source};
+pub use pressure::Pressure;
 
 use super::mesh::{Mesh, Surface};
 use crate::las::Symmetry;

@@ -139,6 +139,16 @@ fn area_at<E: Element<2, N, Q>, const N: usize, const Q: usize>(
     }
 }
 
+fn tangents_at<E: Element<2, N, Q>, const N: usize, const Q: usize>(
+    nodes: &[[f64; 3]],
+    mut visit: impl FnMut(&[f64], &[[f64; 2]], [[f64; 3]; 2], f64),
+) {
+    for point in E::quadrature() {
+        let gradients = E::gradients(point.xi);
+        visit(&E::values(point.xi), &gradients, jacobian(nodes, &gradients), point.weight);
+    }
+}
+
 /// Returns the tangent vectors `dX / dxi_j = sum_a X_a dN_a/dxi_j`.
 pub(super) fn jacobian<const DIM: usize, const N: usize>(
     nodes: &[[f64; 3]],
@@ -320,6 +330,13 @@ impl FaceType {
     /// functions and the area of the point times the unit normal, m^2.
     pub fn integrate(self, nodes: &[[f64; 3]], visit: impl FnMut(&[f64], [f64; 3])) {
         with_face!(self, E => area_at::<E, _, _>(nodes, visit));
+    }
+
+    /// Calls `visit` at each integration point of a face with these node positions, m, with the values of the shape
+    /// functions, their derivatives by the two reference coordinates, the tangents `dx/dxi_j`, m, and the weight of the
+    /// point; the area vector of the point is the cross product of the tangents times the weight.
+    pub fn integrate_tangents(self, nodes: &[[f64; 3]], visit: impl FnMut(&[f64], &[[f64; 2]], [[f64; 3]; 2], f64)) {
+        with_face!(self, E => tangents_at::<E, _, _>(nodes, visit));
     }
 
     /// Returns the positions of all nodes of a plane face between these corners.
