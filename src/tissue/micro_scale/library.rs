@@ -40,22 +40,24 @@ pub struct Library<B: Backend> {
     pub(super) models: Vec<RveModel<B>>,
     /// Every region with the models that its points choose from.
     regions: Vec<(Region, Vec<usize>)>,
+    /// The formula or the matrix of each region; points hold references, because a formula is larger than they are.
+    formulas: Vec<Option<Arc<Formula>>>,
     pub(super) params: EquilibriumParams,
     /// Whether RVEs keep the sensitivities that predict the start of the next solve.
     pub(super) predict: bool,
 }
 
 /// The material of an integration point.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum PointMaterial {
-    /// A formula.
-    Formula(Formula),
+    /// A formula, shared by the points of its region.
+    Formula(Arc<Formula>),
     /// An RVE: its model and the matrix in parallel.
     Rve {
         /// Index into [`Library::models`]; `None` for a matrix alone.
         model: Option<usize>,
         /// The formula of the matrix.
-        matrix: Option<Formula>,
+        matrix: Option<Arc<Formula>>,
         /// When the RVE is created, sleeps, and is deleted.
         lifecycle: RveLifecycle,
     },
@@ -77,14 +79,19 @@ impl<B: RealBackend> Library<B> {
             warnings: Vec::new(),
         };
         let with_models = |region: Region| reader.models_of(&region.material).map(|models| (region, models));
-        let regions = regions.into_iter().map(with_models).collect::<Result<_, _>>()?;
+        let regions = regions.into_iter().map(with_models).collect::<Result<Vec<_>, _>>()?;
+        let formula = |(Region { material, .. }, _): &(Region, Vec<usize>)| match material {
+            RegionMaterial::Formula(formula) => Some(Arc::new(*formula)),
+            RegionMaterial::FiberRve(rve) => rve.matrix.map(Arc::new),
+        };
+        let formulas = regions.iter().map(formula).collect();
         let Reader { models, warnings, .. } = reader;
         let mut params = EquilibriumParams::default();
         params.newton.tolerance = rve.tolerance;
         params.newton.max_iterations = rve.max_iterations;
         params.max_cuts = rve.max_cuts;
         let params = params.with_stages(rve.stages);
-        Ok((Self { context, models, regions, params, predict: rve.predictor }, warnings))
+        Ok((Self { context, models, regions, formulas, params, predict: rve.predictor }, warnings))
     }
 
     /// Returns the models in use: networks, each with its law and scale.
@@ -121,11 +128,12 @@ impl<B: RealBackend> Library<B> {
     /// Returns the material of a point of a region.
     pub fn of_point(&self, region: usize, point: usize) -> PointMaterial {
         let (Region { material, .. }, models) = &self.regions[region];
+        let shared = self.formulas[region].clone();
         match material {
-            RegionMaterial::Formula(formula) => PointMaterial::Formula(*formula),
+            RegionMaterial::Formula(formula) => PointMaterial::Formula(shared.unwrap_or_else(|| Arc::new(*formula))),
             RegionMaterial::FiberRve(rve) => {
                 let model = (!models.is_empty()).then(|| models[assigned(rve, point, models.len())]);
-                PointMaterial::Rve { model, matrix: rve.matrix, lifecycle: rve.lifecycle }
+                PointMaterial::Rve { model, matrix: shared, lifecycle: rve.lifecycle }
             }
         }
     }

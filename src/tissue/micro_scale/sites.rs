@@ -4,6 +4,8 @@
 //! and deleted, and the body is solved again ([`PointField::evolve`](crate::fem::point_field::PointField::evolve)).
 //! RVEs fall asleep when a step is committed, which changes no stress.
 
+use std::sync::Arc;
+
 use nalgebra::Matrix3;
 
 use super::error::PointFailure;
@@ -37,7 +39,7 @@ const DELETED_FRACTION: f64 = 0.1;
 const EQUAL_STRAINS: f64 = 1e-6;
 
 enum Site {
-    Formula(Formula),
+    Formula(Arc<Formula>),
     Rve(RveSite),
 }
 
@@ -45,7 +47,7 @@ enum Site {
 struct RveSite {
     region: usize,
     model: Option<usize>,
-    matrix: Option<Formula>,
+    matrix: Option<Arc<Formula>>,
     /// `None` for an RVE that is always awake.
     lifecycle: Option<Box<LifecycleState>>,
 }
@@ -118,9 +120,9 @@ impl Sites {
     }
 
     /// Returns the model and the matrix of the RVE of a point.
-    pub(in crate::tissue) fn material(&self, point: usize) -> Option<(Option<usize>, Option<Formula>)> {
+    pub(in crate::tissue) fn material(&self, point: usize) -> Option<(Option<usize>, Option<Arc<Formula>>)> {
         let rve = self.sites.get(point)?.rve()?;
-        Some((rve.model, rve.matrix))
+        Some((rve.model, rve.matrix.clone()))
     }
 
     /// Returns true if the RVE of a point has fibers.
@@ -186,9 +188,9 @@ impl Sites {
                 Ok(lifecycle.extrapolation_point.as_ref().map(|(from, response)| extrapolate(from, response, f)))
             }
             RveStatus::Waiting if lifecycle.rules.before == BeforeCreation::Linear => {
-                linear(rest, rve.matrix.as_ref(), f).map(Some)
+                linear(rest, rve.matrix.as_deref(), f).map(Some)
             }
-            RveStatus::Waiting | RveStatus::Deleted => rve.matrix.map(|matrix| matrix.respond(f)).transpose(),
+            RveStatus::Waiting | RveStatus::Deleted => rve.matrix.as_ref().map(|matrix| matrix.respond(f)).transpose(),
         }
     }
 

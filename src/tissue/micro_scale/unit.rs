@@ -1,5 +1,6 @@
 //! One RVE at one integration point: its states, its last response, and its cost.
 
+use std::sync::Arc;
 use std::time::Instant;
 
 use nalgebra::Matrix3;
@@ -54,7 +55,7 @@ pub(super) struct Unit {
     /// The network.
     pub fibers: Option<Fibers>,
     /// The matrix in parallel.
-    pub matrix: Option<Formula>,
+    pub matrix: Option<Arc<Formula>>,
     /// The last deformation gradient, and the response there.
     pub response: Option<(Matrix3<f64>, Response)>,
     /// Newton iterations since the last converged load step.
@@ -156,7 +157,7 @@ impl Unit {
         location: IntegrationPoint,
         model: Option<usize>,
         models: &[RveModel<B>],
-        matrix: Option<Formula>,
+        matrix: Option<Arc<Formula>>,
     ) -> Self {
         let fibers = model.map(|model| {
             let rest = Rve::at_rest(models[model].network());

@@ -2,7 +2,7 @@
 
 use std::collections::{HashMap, HashSet};
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use nalgebra::Matrix3;
 use rayon::prelude::*;
@@ -75,7 +75,12 @@ impl<B: RealBackend> Units<B> {
     }
 
     /// Appends an RVE at rest for a point, given by its number and its position in its point.
-    pub fn add(&mut self, (point, location): (usize, IntegrationPoint), model: Option<usize>, matrix: Option<Formula>) {
+    pub fn add(
+        &mut self,
+        (point, location): (usize, IntegrationPoint),
+        model: Option<usize>,
+        matrix: Option<Arc<Formula>>,
+    ) {
         self.units.push(Unit::new(location, model, &self.library.models, matrix));
         self.points.push(point);
     }

@@ -1,3 +1,5 @@
+use std::sync::Arc;
+
 use super::*;
 use crate::fem::material::NeoHookean;
 
@@ -7,7 +9,7 @@ fn stretched(by: f64) -> Matrix3<f64> {
 
 /// One element of matrix alone, with a life cycle.
 fn sites(rules: RveLifecycle) -> Sites {
-    let matrix = Some(Formula::NeoHookean(NeoHookean { mu: 1.0, lambda: 2.0 }));
+    let matrix = Some(Arc::new(Formula::NeoHookean(NeoHookean { mu: 1.0, lambda: 2.0 })));
     let lifecycle = Some(Box::new(LifecycleState::new(rules)));
     Sites {
         sites: vec![Site::Rve(RveSite { region: 0, model: None, matrix, lifecycle })],
