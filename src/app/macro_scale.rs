@@ -56,7 +56,7 @@ fn with_patches(case: &Case, mesh: Mesh) -> Result<Mesh, InputErrors> {
     let mut errors = Vec::new();
     for (number, region) in case.regions.iter().enumerate().filter(|(_, region)| region.f_bar) {
         let in_region = |&element: &u32| of_mesh[mesh.region_of()[element as usize] as usize] == Some(number);
-        if !mesh.patches().iter().flatten().any(|element| in_region(element)) {
+        if !mesh.patches().iter().flatten().any(in_region) {
             let what = format!("the region \"{}\" has `f_bar`, but none of its elements can use it", region.name);
             let expected = "linear tetrahedra or hexahedra";
             let cure = "remove `f_bar`: quadratic elements need none, and wedges have none";
