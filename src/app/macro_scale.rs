@@ -98,7 +98,7 @@ fn quadratic(case: &Case, mesh: &Mesh, to: QuadraticCase) -> Result<Mesh, InputE
     mesh.quadratic(to.hexahedra).map_err(|reason| match reason {
         MeshError::NoQuadraticType { element } => {
             let what =
-                format!("`order = 2`, but element {element} of the mesh is a wedge, and there are none of order 2");
+                format!("`order = 2`, but element {element} of the mesh is a wedge, which has no form of order 2");
             error(what, "remove `order`, or mesh the body with tetrahedra and hexahedra only")
         }
         other => error(format!("the mesh has no form of order 2: {other}"), "remove `order`"),
