@@ -1,8 +1,10 @@
-//! Element types as run-time values: the types of a mesh's elements and faces, and what depends on them alone.
+//! The types of elements, at run time, and what depends on the type alone.
 
 use std::sync::OnceLock;
 
-use super::reference::{Element, Hex8, Hex20, Hex27, Quad4, Quad8, Quad9, Tet4, Tet10, Tri3, Tri6, Wedge6};
+use super::cell_type::{CellType, corners_around, counts, jacobian};
+use super::face_type::FaceType;
+use super::reference::{Element, Hex8, Hex20, Hex27, Tet4, Tet10, Wedge6};
 
 /// Evaluates an expression with the reference element `$E` of a run-time element type.
 macro_rules! with_element {
@@ -36,34 +38,6 @@ macro_rules! with_element {
     };
 }
 
-/// Evaluates an expression with the reference element `$E` of a run-time face type.
-macro_rules! with_face {
-    ($face_type:expr, $E:ident => $body:expr) => {
-        match $face_type {
-            FaceType::Tri3 => {
-                type $E = Tri3;
-                $body
-            }
-            FaceType::Tri6 => {
-                type $E = Tri6;
-                $body
-            }
-            FaceType::Quad4 => {
-                type $E = Quad4;
-                $body
-            }
-            FaceType::Quad8 => {
-                type $E = Quad8;
-                $body
-            }
-            FaceType::Quad9 => {
-                type $E = Quad9;
-                $body
-            }
-        }
-    };
-}
-
 /// The type of an element of a mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum ElementType {
@@ -81,21 +55,6 @@ pub enum ElementType {
     Wedge6,
 }
 
-/// The type of a face of an element.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum FaceType {
-    /// Linear triangle.
-    Tri3,
-    /// Quadratic triangle.
-    Tri6,
-    /// Bilinear quadrilateral.
-    Quad4,
-    /// Serendipity quadrilateral.
-    Quad8,
-    /// Biquadratic quadrilateral.
-    Quad9,
-}
-
 /// A face of an element type.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FaceNodes {
@@ -103,19 +62,6 @@ pub struct FaceNodes {
     pub face_type: FaceType,
     /// Its nodes as local nodes of the element, in the order of the face type, with the normal pointing outward.
     pub nodes: Vec<usize>,
-}
-
-/// The type of a cell, an element or a face, which determines its number of nodes.
-pub trait CellType: Copy + Eq + std::fmt::Debug {
-    /// Number of nodes.
-    fn nodes(self) -> usize;
-
-    /// Number of corners, which are the first nodes.
-    fn corners(self) -> usize;
-}
-
-fn counts<E: Element<DIM, N, Q>, const DIM: usize, const N: usize, const Q: usize>() -> [usize; 3] {
-    [N, E::CORNERS, Q]
 }
 
 fn volume_at<E: Element<3, N, Q>, const N: usize, const Q: usize>(
@@ -126,43 +72,6 @@ fn volume_at<E: Element<3, N, Q>, const N: usize, const Q: usize>(
         let gradients = E::gradients(point.xi);
         visit(&E::values(point.xi), determinant(jacobian(corners, &gradients)) * point.weight);
     }
-}
-
-fn area_at<E: Element<2, N, Q>, const N: usize, const Q: usize>(
-    nodes: &[[f64; 3]],
-    mut visit: impl FnMut(&[f64], [f64; 3]),
-) {
-    for point in E::quadrature() {
-        let [a, b] = jacobian(nodes, &E::gradients(point.xi));
-        let normal = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-        visit(&E::values(point.xi), normal.map(|component| component * point.weight));
-    }
-}
-
-fn tangents_at<E: Element<2, N, Q>, const N: usize, const Q: usize>(
-    nodes: &[[f64; 3]],
-    mut visit: impl FnMut(&[f64], &[[f64; 2]], [[f64; 3]; 2], f64),
-) {
-    for point in E::quadrature() {
-        let gradients = E::gradients(point.xi);
-        visit(&E::values(point.xi), &gradients, jacobian(nodes, &gradients), point.weight);
-    }
-}
-
-/// Returns the tangent vectors `dX / dxi_j = sum_a X_a dN_a/dxi_j`.
-pub(super) fn jacobian<const DIM: usize, const N: usize>(
-    nodes: &[[f64; 3]],
-    gradients: &[[f64; DIM]; N],
-) -> [[f64; 3]; DIM] {
-    let mut tangents = [[0.0; 3]; DIM];
-    for (x, gradient) in nodes.iter().zip(gradients) {
-        for (tangent, slope) in tangents.iter_mut().zip(gradient) {
-            for (sum, x) in tangent.iter_mut().zip(x) {
-                *sum += x * slope;
-            }
-        }
-    }
-    tangents
 }
 
 fn determinant([a, b, c]: [[f64; 3]; 3]) -> f64 {
@@ -278,91 +187,6 @@ impl ElementType {
     }
 }
 
-impl FaceType {
-    fn counts(self) -> [usize; 3] {
-        with_face!(self, E => counts::<E, 2, _, _>())
-    }
-
-    /// Number of integration points.
-    pub fn points(self) -> usize {
-        self.counts()[2]
-    }
-
-    /// Returns the noun of messages, in the singular and in the plural.
-    pub fn nouns(self) -> [&'static str; 2] {
-        match self {
-            Self::Tri3 | Self::Tri6 => ["triangle", "triangles"],
-            Self::Quad4 | Self::Quad8 | Self::Quad9 => ["quadrilateral", "quadrilaterals"],
-        }
-    }
-
-    /// Returns, for each node of the face with opposite normal and the same first node, its node in this face.
-    pub fn reversed(self) -> &'static [usize] {
-        match self {
-            Self::Tri3 => &[0, 2, 1],
-            Self::Tri6 => &[0, 2, 1, 5, 4, 3],
-            Self::Quad4 => &[0, 3, 2, 1],
-            Self::Quad8 => &[0, 3, 2, 1, 7, 6, 5, 4],
-            Self::Quad9 => &[0, 3, 2, 1, 7, 6, 5, 4, 8],
-        }
-    }
-
-    /// Returns, for each node after the corners, the corners at whose center it lies.
-    pub fn corners_around_nodes(self) -> Vec<Vec<usize>> {
-        let nodes = with_face!(self, E => E::nodes().to_vec());
-        corners_around(&nodes[self.corners()..], |xi| match self.corners() {
-            3 => Tri3::values(xi).into(),
-            _ => Quad4::values(xi).into(),
-        })
-    }
-
-    /// Returns the nodes on the edges of the face, in order around it.
-    pub fn outline(self) -> &'static [usize] {
-        match self {
-            Self::Tri3 => &[0, 1, 2],
-            Self::Tri6 => &[0, 3, 1, 4, 2, 5],
-            Self::Quad4 => &[0, 1, 2, 3],
-            Self::Quad8 | Self::Quad9 => &[0, 4, 1, 5, 2, 6, 3, 7],
-        }
-    }
-
-    /// Calls `visit` at each integration point of a face with these node positions, m, with the values of the shape
-    /// functions and the area of the point times the unit normal, m^2.
-    pub fn integrate(self, nodes: &[[f64; 3]], visit: impl FnMut(&[f64], [f64; 3])) {
-        with_face!(self, E => area_at::<E, _, _>(nodes, visit));
-    }
-
-    /// Calls `visit` at each integration point of a face with these node positions, m, with the values of the shape
-    /// functions, their derivatives by the two reference coordinates, the tangents `dx/dxi_j`, m, and the weight of the
-    /// point; the area vector of the point is the cross product of the tangents times the weight.
-    pub fn integrate_tangents(self, nodes: &[[f64; 3]], visit: impl FnMut(&[f64], &[[f64; 2]], [[f64; 3]; 2], f64)) {
-        with_face!(self, E => tangents_at::<E, _, _>(nodes, visit));
-    }
-
-    /// Returns the positions of all nodes of a plane face between these corners.
-    fn positions_between(self, corners: &[[f64; 3]]) -> Vec<[f64; 3]> {
-        let reference = with_face!(self, E => E::nodes().to_vec());
-        let position = |xi: [f64; 2]| {
-            let values: Vec<f64> = match corners.len() {
-                3 => Tri3::values(xi).into(),
-                _ => Quad4::values(xi).into(),
-            };
-            let weighted = |j: usize| values.iter().zip(corners).map(|(value, corner)| value * corner[j]).sum();
-            std::array::from_fn(weighted)
-        };
-        reference.into_iter().map(position).collect()
-    }
-}
-
-/// Returns, for each node, the corners with nonzero linear shape functions there.
-fn corners_around<const DIM: usize>(nodes: &[[f64; DIM]], values: impl Fn([f64; DIM]) -> Vec<f64>) -> Vec<Vec<usize>> {
-    let around = |&xi: &[f64; DIM]| {
-        let values = values(xi).into_iter().enumerate();
-        values.filter(|&(_, value)| value > 0.0).map(|(corner, _)| corner).collect()
-    };
-    nodes.iter().map(around).collect()
-}
-
 /// Returns the node at a position on the reference domain.
 fn nearest(nodes: &[[f64; 3]], position: [f64; 3]) -> usize {
     let distance = |node: &[f64; 3]| -> f64 { node.iter().zip(position).map(|(a, b)| (a - b).abs()).sum() };
@@ -371,16 +195,6 @@ fn nearest(nodes: &[[f64; 3]], position: [f64; 3]) -> usize {
 }
 
 impl CellType for ElementType {
-    fn nodes(self) -> usize {
-        self.counts()[0]
-    }
-
-    fn corners(self) -> usize {
-        self.counts()[1]
-    }
-}
-
-impl CellType for FaceType {
     fn nodes(self) -> usize {
         self.counts()[0]
     }

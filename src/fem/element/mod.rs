@@ -1,12 +1,16 @@
 //! Elements: their types, their reference elements, and the geometry of their integration points.
 
+mod cell_type;
 mod element_type;
+mod face_type;
 pub mod reference;
 
 use nalgebra::{Matrix3, Vector3};
 use thiserror::Error;
 
-pub use element_type::{CellType, ElementType, FaceNodes, FaceType};
+pub use cell_type::CellType;
+pub use element_type::{ElementType, FaceNodes};
+pub use face_type::FaceType;
 use reference::{Element, QuadraturePoint};
 
 use super::mesh::longest_edge;
