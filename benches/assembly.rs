@@ -38,6 +38,7 @@ fn body<B: RealBackend<Index = i32>>(c: &mut Criterion, context: &B::Context, ce
     };
     let points: Vec<_> = mesh.elements().iter().map(points_of).collect();
     let gradients = vec![Matrix3::new(1.1, 0.05, 0.0, 0.0, 0.95, 0.02, 0.0, 0.0, 1.0); mesh.elements().len()];
+    let displacements = vec![[0.0; 3]; mesh.nodes().len()];
     let mut responses = PointResponses::zeros(gradients.len());
     let mut field = FormulaField::uniform(NeoHookean { mu: 3846.0, lambda: 5769.0 }, &mesh);
     field.update(&gradients, &mut responses).expect("not inverted");
