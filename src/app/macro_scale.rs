@@ -10,7 +10,7 @@ use crate::fem::boundary::{
 };
 use crate::fem::mesh::shapes::{self, ShapeError};
 use crate::fem::mesh::{Mesh, MeshError, gmsh};
-use crate::fem::stepping::StepParams;
+use crate::fem::stepping::{IncrementControl, StepParams};
 use crate::input::{InputError, InputErrors};
 
 /// Reads or generates the mesh of a case, in meters, and checks the names in the case against it. Also returns the
@@ -185,12 +185,15 @@ pub fn step_params(case: &Case) -> StepParams {
     let mut params = StepParams {
         count: case.steps.count,
         max_cuts: case.steps.max_cuts,
+        increments: case.steps.adaptive.map_or(IncrementControl::Halving, IncrementControl::Adaptive),
         start: case.newton.start,
         ..StepParams::default()
     };
     params.solver.method = case.newton.solver;
     params.newton.tolerance = case.newton.tolerance;
     params.newton.max_iterations = case.newton.max_iterations;
+    params.newton.step_tolerance = case.newton.displacement_tolerance;
+    params.newton.energy_tolerance = case.newton.energy_tolerance;
     if !case.newton.line_search {
         params.newton.max_backtracks = 0;
     }

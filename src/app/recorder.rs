@@ -297,6 +297,7 @@ impl Recorder<'_> {
         let line = Step {
             step: step.step,
             t: step.t,
+            increments: step.report.increments,
             cuts: step.report.cuts as u32,
             rounds: step.report.evolutions,
             newton: newton_log(&step.report.solves, step.report.seconds(), total),

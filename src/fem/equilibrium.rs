@@ -360,6 +360,15 @@ impl<B: RealBackend, P: PointField> NonlinearProblem<B> for Equilibrium<B, P> {
         }
     }
 
+    /// The norm of the displacement increments of all nodes since the committed state, prescribed ones included, m.
+    /// Changes below `1e-8` of the displacements are due to rounding.
+    fn state_scale(&self) -> Option<f64> {
+        let displacements = self.trial.displacements.as_flattened();
+        let moved = displacements.iter().zip(self.committed.displacements.as_flattened());
+        let change = moved.map(|(new, old)| (new - old).powi(2)).sum::<f64>().sqrt();
+        Some(change.max(1e-8 * norm(&self.trial.displacements)))
+    }
+
     fn save(&mut self) {
         self.saved.copy_from_slice(&self.trial.displacements);
     }
@@ -369,6 +378,6 @@ impl<B: RealBackend, P: PointField> NonlinearProblem<B> for Equilibrium<B, P> {
     }
 }
 
-fn norm(forces: &[[f64; 3]]) -> f64 {
-    forces.as_flattened().iter().map(|f| f * f).sum::<f64>().sqrt()
+fn norm(vectors: &[[f64; 3]]) -> f64 {
+    vectors.as_flattened().iter().map(|f| f * f).sum::<f64>().sqrt()
 }

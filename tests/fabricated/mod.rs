@@ -122,6 +122,7 @@ pub fn write(dir: &Path, cells: [usize; 3]) {
         log.write(&Event::Step(Step {
             step,
             t,
+            increments: 1 + cuts as usize,
             cuts,
             rounds: 0,
             newton: newton(step),

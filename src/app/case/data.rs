@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use crate::fem::boundary::LoadCurve;
 use crate::fem::element::ElementType;
 use crate::fem::mesh::QuadraticHexahedron;
-use crate::fem::stepping::StepStart;
+use crate::fem::stepping::{AdaptiveIncrements, StepStart};
 use crate::las::Method;
 use crate::tissue::materials::{ElementSelection, Materials, Region, RegionMaterial, RveParams};
 
@@ -155,23 +155,25 @@ pub struct BodyForceCase {
     pub curve: LoadCurve,
 }
 
-/// The load steps; by default 10 steps and at most 6 cuts.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// The load steps; by default 10 steps, each one increment unless it fails, and at most 6 cuts.
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StepsCase {
     /// Number of load steps; step `k` ends at `t = k / count`.
     pub count: usize,
     /// Maximum number of times that a failed step is halved.
     pub max_cuts: u32,
+    /// Increments that adapt to the number of Newton iterations; then `max_cuts` has no effect.
+    pub adaptive: Option<AdaptiveIncrements>,
 }
 
 impl Default for StepsCase {
     fn default() -> Self {
-        Self { count: 10, max_cuts: 6 }
+        Self { count: 10, max_cuts: 6, adaptive: None }
     }
 }
 
 /// Newton's method at the macro scale; by default tolerance 1e-8, at most 25 iterations, line search, and the initial
-/// guess [`StepStart::Prescribed`].
+/// guess [`StepStart::Tangent`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NewtonCase {
     /// Tolerance of the relative residual.
@@ -180,6 +182,10 @@ pub struct NewtonCase {
     pub max_iterations: usize,
     /// Whether the line search may shorten steps.
     pub line_search: bool,
+    /// Tolerance of the last correction of the displacements, relative to their change since the last increment.
+    pub displacement_tolerance: Option<f64>,
+    /// Tolerance of the work of the last correction, relative to the product of the same change and the force norm.
+    pub energy_tolerance: Option<f64>,
     /// The initial guess of every step but the first.
     pub start: StepStart,
     /// The linear solver.
@@ -192,6 +198,8 @@ impl Default for NewtonCase {
             tolerance: 1e-8,
             max_iterations: 25,
             line_search: true,
+            displacement_tolerance: None,
+            energy_tolerance: None,
             start: StepStart::default(),
             solver: Method::Direct,
         }

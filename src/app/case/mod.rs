@@ -53,12 +53,16 @@
 //! [steps]
 //! count = 20                               # default 10
 //! max_cuts = 6                             # default; how many times a failing step may be halved
+//! adaptive = false                         # default; true, or for example
+//! # adaptive = { target_iterations = 8, largest = 1.0, smallest = 0.015625 }   # lengths in steps; replaces `max_cuts`
 //!
 //! [newton]                                 # the macro scale, with its defaults
 //! tolerance = 1e-8                         # of the residual, relative to the forces
 //! max_iterations = 25
 //! line_search = true
-//! start = "held"                           # a step starts from the last state; "tangent": from a linear prediction
+//! displacement_tolerance = 1e-6            # optional: the last correction, relative to the increment's displacements
+//! energy_tolerance = 1e-12                 # optional: its work, relative to those displacements times the forces
+//! start = "tangent"                        # a step starts from a linear prediction; "held": from the last state
 //! solver = { method = "direct" }           # or an iterative one (below)
 //!
 //! [micro]                                  # every RVE, with its defaults
@@ -263,7 +267,7 @@ mod value;
 mod write;
 
 pub use crate::fem::boundary::LoadCurve;
-pub use crate::fem::stepping::StepStart;
+pub use crate::fem::stepping::{AdaptiveIncrements, StepStart};
 pub use crate::fiber::rve::StressScale;
 pub use crate::tissue::materials::{
     BeforeCreation, ElementSelection, FiberRve, Formula, NetworkAssignment, RegionMaterial, RveLifecycle, RveParams,

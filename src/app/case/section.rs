@@ -4,7 +4,7 @@ use std::path::Path;
 
 use crate::fem::element::ElementType;
 use crate::fem::mesh::QuadraticHexahedron;
-use crate::fem::stepping::StepStart;
+use crate::fem::stepping::{AdaptiveIncrements, StepStart};
 use crate::fiber::equilibrium::{Stage, Stages};
 use crate::tissue::materials::{ElementSelection, RveParams};
 
@@ -19,6 +19,9 @@ use super::value::{Value, did_you_mean};
 /// Maximum number of elements: meshes number nodes and elements with 32 bits.
 const MOST_ELEMENTS: usize = u32::MAX as usize;
 const TOLERANCE: Range = Range::between(0.0, 1.0);
+
+/// The length of an increment in steps; 1e-9 is `StepParams::max_cuts = 30`.
+const STEPS: Range = Range::from_to(1e-9, 1.0);
 
 /// The section `[mesh]`.
 pub(super) struct MeshSection {
@@ -130,8 +133,41 @@ fn cells_of(value: &Value<'_>) -> Option<[usize; 3]> {
 pub(super) fn steps(root: &mut Table<'_>) -> StepsCase {
     root.section("steps", StepsCase::default(), |table, default| StepsCase {
         count: table.integer("count", 1..=1_000_000).unwrap_or(default.count),
-        max_cuts: table.integer("max_cuts", 0..=30).unwrap_or(default.max_cuts),
+        adaptive: adaptive(table),
+        max_cuts: max_cuts(table).unwrap_or(default.max_cuts),
     })
+}
+
+fn max_cuts(table: &mut Table<'_>) -> Option<u32> {
+    table.integer("max_cuts", 0..=30)
+}
+
+/// Reads `adaptive = true` or its table.
+fn adaptive(table: &mut Table<'_>) -> Option<AdaptiveIncrements> {
+    let value = table.get("adaptive")?;
+    if value.inner.as_bool().is_some() {
+        return value.boolean()?.then(AdaptiveIncrements::default);
+    }
+    if value.inner.as_table().is_none() {
+        value.report_invalid("true, false, or a table", "write `adaptive = true` for the defaults");
+        return None;
+    }
+    let (mut table, default) = (value.table()?, AdaptiveIncrements::default());
+    let adaptive = AdaptiveIncrements {
+        target_iterations: table.integer("target_iterations", 1..=1000).unwrap_or(default.target_iterations),
+        largest: table.number("largest", STEPS).unwrap_or(default.largest),
+        smallest: table.number("smallest", STEPS).unwrap_or(default.smallest),
+    };
+    if adaptive.smallest > adaptive.largest {
+        let (smallest, largest) = (adaptive.smallest, adaptive.largest);
+        table.report(
+            &format!("has a `smallest` of {smallest} above its `largest` of {largest}"),
+            "smallest <= largest, both in steps",
+            "change one of the two",
+        );
+    }
+    table.report_unknown_keys();
+    Some(adaptive)
 }
 
 /// Reads the settings of Newton's method at the macro scale.
@@ -141,9 +177,21 @@ pub(super) fn newton(root: &mut Table<'_>) -> NewtonCase {
         tolerance: table.number("tolerance", TOLERANCE).unwrap_or(default.tolerance),
         max_iterations: table.integer("max_iterations", 1..=10_000).unwrap_or(default.max_iterations),
         line_search: table.boolean("line_search").unwrap_or(default.line_search),
+        displacement_tolerance: optional_tolerance(table, "displacement_tolerance"),
+        energy_tolerance: optional_tolerance(table, "energy_tolerance"),
         start: table.choice("start", &starts).unwrap_or(default.start),
         solver: solver::method(table),
     })
+}
+
+/// Reads a tolerance that need not be given; `"none"` stands for its absence.
+fn optional_tolerance(table: &mut Table<'_>, key: &'static str) -> Option<f64> {
+    let value = table.get(key)?;
+    if value.inner.as_str().is_some() {
+        value.choice(&[("none", ())]);
+        return None;
+    }
+    value.number(TOLERANCE)
 }
 
 /// Reads the solver settings of the RVEs.

@@ -65,15 +65,27 @@ impl Case {
             let entries = [text("region", &force.region), entry("value", force.value), curve(&force.curve)];
             section(&mut out, "[[body_force]]", entries);
         }
-        section(&mut out, "[steps]", [entry("count", steps.count), entry("max_cuts", steps.max_cuts)]);
+        let adaptive = steps.adaptive.map_or(entry("adaptive", false), |adaptive| {
+            let entries = vec![
+                entry("target_iterations", adaptive.target_iterations),
+                entry("largest", adaptive.largest),
+                entry("smallest", adaptive.smallest),
+            ];
+            table("adaptive", entries)
+        });
+        section(&mut out, "[steps]", [entry("count", steps.count), entry("max_cuts", steps.max_cuts), adaptive]);
         let start = match newton.start {
             StepStart::Prescribed => "held",
             StepStart::Tangent => "tangent",
         };
+        // Settings may change on resume, so all of them have a line (`checkpoint/identity.rs`).
+        let optional = |key, tolerance: Option<f64>| tolerance.map_or(entry(key, "none"), |value| entry(key, value));
         let entries = [
             entry("tolerance", newton.tolerance),
             entry("max_iterations", newton.max_iterations),
             entry("line_search", newton.line_search),
+            optional("displacement_tolerance", newton.displacement_tolerance),
+            optional("energy_tolerance", newton.energy_tolerance),
             entry("start", start),
             table("solver", solver::entries(&newton.solver)),
         ];

@@ -152,7 +152,7 @@ fn differences<'a>(before: &'a str, now: &'a str) -> Vec<Difference<'a>> {
 fn is_setting(section: &str, before: &str, now: &str) -> bool {
     let both = |key: &str| [before, now].iter().all(|line| line.starts_with(key));
     matches!(section, "[newton]" | "[micro]") && !before.starts_with('[') && !now.starts_with('[')
-        || section == "[steps]" && both("max_cuts = ")
+        || section == "[steps]" && (["max_cuts = ", "adaptive = "].into_iter().any(both))
 }
 
 fn hash_of_mesh(mesh: &Mesh) -> u64 {

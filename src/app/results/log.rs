@@ -64,6 +64,9 @@ pub struct Step {
     pub step: usize,
     /// Pseudo-time reached.
     pub t: f64,
+    /// Number of increments of this step.
+    #[serde(default)]
+    pub increments: usize,
     /// Number of times that this step was cut before it converged.
     #[serde(default)]
     pub cuts: u32,

@@ -74,6 +74,14 @@ impl LoadCurve {
         Ok(Self::Table(LoadTable { points: points.to_vec() }))
     }
 
+    /// Returns the pseudo-times at which the slope of the factor changes, ascending.
+    pub fn break_points(&self) -> Vec<f64> {
+        match self {
+            Self::Ramp => Vec::new(),
+            Self::Table(table) => table.points.iter().map(|point| point[0]).collect(),
+        }
+    }
+
     /// Returns the factor at pseudo-time `t`.
     pub fn factor(&self, t: f64) -> f64 {
         match self {

@@ -108,6 +108,10 @@ impl Load for NodalLoad {
         self.force_density(t).map(|density| total * density)
     }
 
+    fn break_points(&self) -> Vec<f64> {
+        self.curve.break_points()
+    }
+
     fn surface(&self) -> Option<usize> {
         self.surface
     }

@@ -33,6 +33,12 @@ pub trait Load: Debug + Send + Sync {
         None
     }
 
+    /// Returns the pseudo-times at which the rate of the load jumps; an increment ends exactly at each of them. The
+    /// default is none.
+    fn break_points(&self) -> Vec<f64> {
+        Vec::new()
+    }
+
     /// Returns the sparsity of `df/du`: the groups of nodes whose forces depend on the displacements of the same group.
     /// The default, [`CoupledNodes::None`], is for loads that do not depend on the displacements. Their forces are
     /// evaluated once per load step; those of other loads with every residual.

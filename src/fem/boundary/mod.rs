@@ -102,6 +102,15 @@ impl Boundary {
         })
     }
 
+    /// Returns the pseudo-times at which the rate of a load or of a prescribed displacement jumps, ascending.
+    pub fn break_points(&self) -> Vec<f64> {
+        let prescribed = self.prescribed_components.iter().flat_map(PrescribedComponent::break_points);
+        let mut times: Vec<f64> = prescribed.chain(self.loads.iter().flat_map(|load| load.break_points())).collect();
+        times.sort_by(f64::total_cmp);
+        times.dedup();
+        times
+    }
+
     /// Returns the node of each point condition.
     pub fn point_nodes(&self) -> &[u32] {
         &self.point_nodes

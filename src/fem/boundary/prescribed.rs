@@ -34,6 +34,11 @@ impl PrescribedComponent {
     pub fn displacement(&self, t: f64) -> f64 {
         self.value * self.curve.factor(t)
     }
+
+    /// Returns the pseudo-times at which the velocity jumps; none for a component that is held at 0.
+    pub(super) fn break_points(&self) -> Vec<f64> {
+        if self.value == 0.0 { Vec::new() } else { self.curve.break_points() }
+    }
 }
 
 /// Collects prescribed components and detects conflicting values.

@@ -102,6 +102,10 @@ impl Load for FollowerPressure {
         sum.map(|area| -self.pressure(t) * area)
     }
 
+    fn break_points(&self) -> Vec<f64> {
+        self.curve.break_points()
+    }
+
     fn surface(&self) -> Option<usize> {
         Some(self.surface)
     }

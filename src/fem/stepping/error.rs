@@ -41,7 +41,7 @@ pub enum SteppingError<E: std::fmt::Display, F: std::fmt::Display, O> {
     /// An attempt failed and could not be repeated with a smaller increment, because the limit of halvings was reached
     /// or a smaller increment cannot help.
     #[error(
-        "step {step} does not converge beyond t = {reached}: the smallest increment tried is {increment:.3e} ({halvings} halvings of the step): {reason}"
+        "step {step} does not converge beyond t = {reached}: the smallest increment tried is {increment:.3e} ({halvings} halvings): {reason}"
     )]
     NotConverged {
         /// The step, from 1.
@@ -52,7 +52,7 @@ pub enum SteppingError<E: std::fmt::Display, F: std::fmt::Display, O> {
         reached: f64,
         /// Length of the last attempt in pseudo-time.
         increment: f64,
-        /// Number of halvings of the step at the last attempt.
+        /// Number of halvings at the last attempt.
         halvings: u32,
         /// The reason for the failure of the last attempt.
         reason: StepFailure<E, F>,

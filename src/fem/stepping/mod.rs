@@ -1,9 +1,11 @@
 //! The load-step driver: steps through pseudo-time, halves failed steps, and calls the observer.
 //!
-//! A run has `count` load steps; step `k` ends at `t = k / count`. If an attempt fails, displacements and micro states
+//! A run has `count` load steps; step `k` ends at `t = k / count`. Break points of load curves divide a step into
+//! segments, so that an increment ends exactly at each of them. If an attempt fails, displacements and micro states
 //! are reset to the last converged ones, and the increment is halved, up to `max_cuts` times. After a success the
-//! increment doubles again if the position within the step is a multiple of the doubled increment. A converged substep
-//! is committed, but only full steps are reported, so the rows of a result do not depend on the cuts.
+//! increment doubles again if the position within the segment is a multiple of the doubled increment. Alternatively, the
+//! increments adapt to the number of Newton iterations ([`AdaptiveIncrements`]). A converged increment is committed, but
+//! only full steps are reported, so the rows of a result do not depend on the cuts.
 //!
 //! A state is committed if it is in equilibrium, if every response continues the committed state
 //! ([`PointField::verify`]), and if no point changes its material ([`PointField::evolve`]). Otherwise, equilibrium is
@@ -42,6 +44,7 @@
 //! ```
 
 mod error;
+mod increments;
 mod observer;
 mod params;
 mod saved;
@@ -49,6 +52,7 @@ mod saved;
 use std::sync::Arc;
 
 pub use error::{SetupError, StepFailure, SteppingError};
+pub use increments::{AdaptiveIncrements, IncrementControl};
 pub use observer::{ConvergedStep, FailedAttempt, StepObserver};
 pub use params::{StepParams, StepReport, StepStart};
 pub use saved::{RestoreError, SavedState, StepperRestoreError};
@@ -64,6 +68,7 @@ use crate::las::{
     Backend, NewtonError, NewtonFailure, NewtonReport, NewtonSystem, NonlinearProblem, RealBackend, SolveError,
     SolverParams, Symmetry, VectorOps,
 };
+use increments::Increments;
 
 /// A body, its linear system, and its position in pseudo-time.
 pub struct Stepper<B: Backend, P> {
@@ -72,8 +77,9 @@ pub struct Stepper<B: Backend, P> {
     params: StepParams,
     /// Number of converged full steps.
     completed_steps: usize,
-    /// Number of halvings of the increment at which the next attempt starts.
-    halvings: u32,
+    increments: Increments,
+    /// The pseudo-times at which load curves have kinks, ascending.
+    break_points: Vec<f64>,
     /// True as long as the committed state is the undeformed one.
     undeformed: bool,
 }
@@ -101,6 +107,8 @@ struct Failed<E, F> {
     newton: NewtonReport,
     /// True if smaller increments cannot help.
     unrecoverable: bool,
+    /// True if the attempt failed at its start, so that the other start may help.
+    at_start: bool,
 }
 
 impl<B: RealBackend, P: PointField> Stepper<B, P> {
@@ -149,7 +157,8 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
         let mut assembler = Assembler::new(geometry, &unknowns, &system.matrix).map_err(SolveError::Backend)?;
         assembler.locate_loads(boundary.loads(), &system.matrix).map_err(SolveError::Backend)?;
         let body = Equilibrium::new(mesh, boundary, assembler, field)?;
-        Ok(Self { body, system, params, completed_steps: 0, halvings: 0, undeformed: true })
+        let (increments, break_points) = (Increments::new(&params), body.boundary().break_points());
+        Ok(Self { body, system, params, completed_steps: 0, increments, break_points, undeformed: true })
     }
 
     /// Returns the last converged state.
@@ -210,45 +219,19 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
         &mut self,
         observer: &mut O,
     ) -> Result<StepReport, RunError<B, P, O::Error>> {
-        let max_cuts = self.params.max_cuts.min(StepParams::MAX_CUTS);
-        // The position within the step is an integer multiple of the smallest increment.
-        let end = 1_u64 << max_cuts;
-        let (step, mut position) = (self.completed_steps + 1, 0);
-        let count = self.params.count as f64;
-        let time = move |position: u64| {
-            let whole = if position == end { step as f64 } else { (step - 1) as f64 + position as f64 / end as f64 };
-            whole / count
-        };
-        let mut report = StepReport { step, t: time(end), ..StepReport::default() };
-        while position < end {
-            let increment = end >> self.halvings;
-            let span = Span { step, from: time(position), t: time(position + increment) };
-            let mut solves = Vec::new();
-            let outcome = match self.attempt(span.t, &mut report, &mut solves) {
-                Ok(()) => self.body.commit().map_err(|error| Self::unrecoverable(error, NewtonReport::default())),
-                Err(failed) => match self.body.revert() {
-                    Ok(()) => Err(failed),
-                    Err(error) => Err(Self::unrecoverable(error, failed.newton)),
-                },
-            };
-            match outcome {
-                Ok(()) => {
-                    report.solves.append(&mut solves);
-                    self.undeformed = false;
-                    position += increment;
-                    if self.halvings > 0 && position.is_multiple_of(2 * increment) {
-                        self.halvings -= 1;
-                    }
-                }
-                Err(mut failed) => {
-                    // Without residuals, the last solve had converged, but the state could not be committed.
-                    if failed.newton.residuals.is_empty() {
-                        failed.newton = solves.pop().unwrap_or_default();
-                    }
-                    report.failures.append(&mut solves);
-                    report.failures.push(failed.newton.clone());
-                    self.cut(span, *failed, max_cuts, observer)?;
-                    report.cuts += 1;
+        let (step, count) = (self.completed_steps + 1, self.params.count);
+        let mut report = StepReport { step, t: self.time_after(step), ..StepReport::default() };
+        for segment in increments::segments(step, count, &self.break_points) {
+            let mut position = 0.0;
+            while position < 1.0 {
+                let end = self.increments.end(&segment, position);
+                let span = Span { step, from: segment.time(position, count), t: segment.time(end, count) };
+                let taken = (end - position) * (segment.end - segment.start);
+                let solves = report.solves.len();
+                if self.increment(span, taken, &mut report, observer)? {
+                    let iterations = report.solves[solves..].iter().map(|report| report.iterations).sum();
+                    position = end;
+                    self.increments.succeeded(position, taken, iterations);
                 }
             }
         }
@@ -261,21 +244,58 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
         Ok(report)
     }
 
+    /// Attempts one increment of `taken` steps, and commits its state. Returns false if the attempt failed and may be
+    /// repeated with a shorter increment.
+    fn increment<O: StepObserver<P, B::Error>>(
+        &mut self,
+        span: Span,
+        taken: f64,
+        report: &mut StepReport,
+        observer: &mut O,
+    ) -> Result<bool, RunError<B, P, O::Error>> {
+        let mut solves = Vec::new();
+        let outcome = match self.attempt(span.t, report, &mut solves) {
+            Ok(()) => self.body.commit().map_err(|error| Self::unrecoverable(error, NewtonReport::default())),
+            Err(failed) => match self.body.revert() {
+                Ok(()) => Err(failed),
+                Err(error) => Err(Self::unrecoverable(error, failed.newton)),
+            },
+        };
+        match outcome {
+            Ok(()) => {
+                report.solves.append(&mut solves);
+                report.increments += 1;
+                self.undeformed = false;
+                Ok(true)
+            }
+            Err(mut failed) => {
+                // Without residuals, the last solve had converged, but the state could not be committed.
+                if failed.newton.residuals.is_empty() {
+                    failed.newton = solves.pop().unwrap_or_default();
+                }
+                report.failures.append(&mut solves);
+                report.failures.push(failed.newton.clone());
+                self.cut(span, taken, *failed, observer)?;
+                report.cuts += 1;
+                Ok(false)
+            }
+        }
+    }
+
     /// Reports a failed attempt to the observer and halves the increment, unless that cannot help.
     fn cut<O: StepObserver<P, B::Error>>(
         &mut self,
         Span { step, from, t }: Span,
-        Failed { reason, newton, unrecoverable }: Failed<P::Error, B::Error>,
-        max_cuts: u32,
+        taken: f64,
+        Failed { reason, newton, unrecoverable, .. }: Failed<P::Error, B::Error>,
         observer: &mut O,
     ) -> Result<(), RunError<B, P, O::Error>> {
-        let (increment, halvings, field) = (t - from, self.halvings, self.body.field());
+        let (increment, halvings, field) = (t - from, self.increments.halvings, self.body.field());
         let attempt = FailedAttempt { step, t, increment, halvings, reason: &reason, newton: &newton, field };
         observer.failed(&attempt).map_err(|reason| SteppingError::Stopped { step, t: from, reason })?;
-        if unrecoverable || halvings == max_cuts {
+        if unrecoverable || !self.increments.halve(taken) {
             return Err(SteppingError::NotConverged { step, t, reached: from, increment, halvings, reason });
         }
-        self.halvings += 1;
         Ok(())
     }
 
@@ -322,36 +342,45 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
         self.body.check_balance(self.params.newton.tolerance).map_err(Self::rejected)
     }
 
-    /// Solves from the committed state to pseudo-time `t` by Newton, starting from the prescribed displacements
-    /// or from the linearization.
+    /// Solves from the committed state to pseudo-time `t` by Newton, starting from the linearization or from the
+    /// prescribed displacements, and from the other one if the chosen start fails: the tangent may be singular, and
+    /// moving only the boundary may invert the adjacent elements. The undeformed body always starts from the
+    /// linearization.
     fn start(&mut self, t: f64, report: &mut StepReport) -> Attempt<B, P, NewtonReport> {
-        if self.undeformed || self.params.start == StepStart::Tangent {
-            return self.attempt_linearized(t, report);
-        }
-        self.body.begin_step(t);
-        match self.system.solve(&mut self.body, &self.params.newton) {
-            Ok(newton) => Ok(newton),
-            // The moved boundary has inverted the adjacent elements; the linearized start distributes the motion over
-            // the body.
-            Err(failure) if Self::failed_at_first_residual(&failure) => {
+        let first = if self.undeformed { StepStart::Tangent } else { self.params.start };
+        match self.solve_from(first, t, report) {
+            Err(failed) if failed.at_start && !self.undeformed && !failed.unrecoverable => {
                 self.body.revert().map_err(|error| Self::unrecoverable(error, NewtonReport::default()))?;
-                self.attempt_linearized(t, report)
+                let second = match first {
+                    StepStart::Tangent => StepStart::Prescribed,
+                    StepStart::Prescribed => StepStart::Tangent,
+                };
+                self.solve_from(second, t, report)
             }
-            Err(failure) => Err(Self::failed(failure)),
+            outcome => outcome,
         }
     }
 
-    fn attempt_linearized(&mut self, t: f64, report: &mut StepReport) -> Attempt<B, P, NewtonReport> {
-        let seconds = self.body.linearize(t, &mut self.system).map_err(|error| {
-            Box::new(Failed {
-                // The tangent of the undeformed body does not depend on the increment, so cutting cannot help.
-                unrecoverable: self.undeformed || matches!(error, SolveError::Backend(_)),
-                reason: NewtonError::Solve(error),
-                newton: NewtonReport::default(),
-            })
-        })?;
-        report.add_linearized(seconds);
-        self.system.solve(&mut self.body, &self.params.newton).map_err(Self::failed)
+    fn solve_from(&mut self, start: StepStart, t: f64, report: &mut StepReport) -> Attempt<B, P, NewtonReport> {
+        match start {
+            StepStart::Prescribed => self.body.begin_step(t),
+            StepStart::Tangent => {
+                let seconds = self.body.linearize(t, &mut self.system).map_err(|error| {
+                    Box::new(Failed {
+                        // The tangent of the undeformed body does not depend on the increment, so cutting cannot help.
+                        unrecoverable: self.undeformed || matches!(error, SolveError::Backend(_)),
+                        at_start: true,
+                        reason: NewtonError::Solve(error),
+                        newton: NewtonReport::default(),
+                    })
+                })?;
+                report.add_linearized(seconds);
+            }
+        }
+        self.system.solve(&mut self.body, &self.params.newton).map_err(|failure| {
+            let at_start = start == StepStart::Prescribed && Self::failed_at_first_residual(&failure);
+            Box::new(Failed { at_start, ..*Self::failed(failure) })
+        })
     }
 
     /// Returns true if Newton failed at its first residual for a reason that another start may avoid.
@@ -369,7 +398,7 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
             NewtonError::Problem(error) => <Equilibrium<B, P> as NonlinearProblem<B>>::is_final(error),
             _ => false,
         };
-        Box::new(Failed { reason, newton: *report, unrecoverable })
+        Box::new(Failed { reason, newton: *report, unrecoverable, at_start: false })
     }
 
     /// Converts the error of a converged state that cannot be committed; a smaller increment may help.
@@ -379,7 +408,7 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
 
     /// Converts an error of commit or revert; no further attempt is possible.
     fn unrecoverable(error: EquilibriumError<P::Error, B::Error>, newton: NewtonReport) -> FailedAttemptOf<B, P> {
-        Box::new(Failed { reason: NewtonError::Problem(error), newton, unrecoverable: true })
+        Box::new(Failed { reason: NewtonError::Problem(error), newton, unrecoverable: true, at_start: false })
     }
 }
 

@@ -41,7 +41,7 @@ impl<P: PointField, F: std::error::Error> StepObserver<P, F> for () {
     }
 }
 
-/// A converged full step; substeps are only counted.
+/// A converged full step; increments are only counted.
 #[derive(Debug)]
 pub struct ConvergedStep<'a, P> {
     /// The step, from 1.
@@ -71,7 +71,7 @@ pub struct FailedAttempt<'a, P: PointField, F: std::error::Error> {
     pub t: f64,
     /// Length of the attempt in pseudo-time.
     pub increment: f64,
-    /// Number of halvings of the step at this attempt: the increment is `1 / (count 2^halvings)`.
+    /// Number of halvings at this attempt; with adaptive increments, since the last success.
     pub halvings: u32,
     /// The reason for the failure.
     pub reason: &'a StepFailure<P::Error, F>,

@@ -1,5 +1,6 @@
 //! Parameters and reports of load stepping.
 
+use super::IncrementControl;
 use crate::las::{NewtonParams, NewtonReport, NewtonSeconds, SolverParams};
 
 /// Parameters of load stepping.
@@ -9,10 +10,12 @@ pub struct StepParams {
     pub count: usize,
     /// Maximum number of halvings of a failed step, at most [`StepParams::MAX_CUTS`]. Default 6.
     pub max_cuts: u32,
+    /// How the lengths of increments are chosen. Default [`IncrementControl::Halving`].
+    pub increments: IncrementControl,
     /// Maximum number of times that equilibrium may be restored at the same pseudo-time after points changed their
     /// material; beyond it, the attempt fails. Default 200.
     pub max_evolutions: usize,
-    /// Initial guess of Newton in all steps except the first. Default [`StepStart::Prescribed`].
+    /// Initial guess of Newton in all steps except the first. Default [`StepStart::Tangent`].
     pub start: StepStart,
     /// Stopping criteria of Newton. Default: a tolerance of `1e-8`, 25 iterations, up to 10 reductions of the step
     /// length in the line search.
@@ -32,6 +35,7 @@ impl Default for StepParams {
         Self {
             count: 10,
             max_cuts: 6,
+            increments: IncrementControl::default(),
             max_evolutions: 200,
             start: StepStart::default(),
             newton,
@@ -41,14 +45,15 @@ impl Default for StepParams {
 }
 
 /// The initial guess of Newton in a step. The first step of a run always starts from the linear-elastic solution of the
-/// undeformed body.
+/// undeformed body. If the chosen start fails, because the tangent is singular or the moved boundary inverts elements,
+/// the other one is tried before the increment is cut.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum StepStart {
     /// The committed state with only the prescribed components moved.
-    #[default]
     Prescribed,
     /// The linearization of the committed state: its tangent distributes the increment of loads and prescribed
     /// displacements over the body, at the cost of one more factorization.
+    #[default]
     Tangent,
 }
 
@@ -59,6 +64,8 @@ pub struct StepReport {
     pub step: usize,
     /// Pseudo-time at the end of the step.
     pub t: f64,
+    /// Number of converged increments.
+    pub increments: usize,
     /// Number of halvings of the increment.
     pub cuts: usize,
     /// Newton reports of the converged substeps, in order: one per substep, and one more for every time that

@@ -2,7 +2,7 @@
 
 use thiserror::Error;
 
-use super::{StepParams, Stepper};
+use super::Stepper;
 use crate::fem::equilibrium::EquilibriumError;
 use crate::fem::point_field::PointField;
 use crate::las::{Backend, RealBackend};
@@ -17,6 +17,8 @@ pub struct SavedState {
     pub completed_steps: usize,
     /// Number of halvings of the increment at which the next attempt starts.
     pub halvings: u32,
+    /// Upper limit of the next increment in steps, if increments are adaptive.
+    pub increment: f64,
     /// Displacements of the nodes, m.
     pub displacements: Vec<[f64; 3]>,
 }
@@ -64,7 +66,8 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
         let full = self.completed_steps > 0 && state.t == self.time_after(self.completed_steps);
         full.then(|| SavedState {
             completed_steps: self.completed_steps,
-            halvings: self.halvings,
+            halvings: self.increments.halvings,
+            increment: self.increments.length,
             displacements: state.displacements.clone(),
         })
     }
@@ -72,8 +75,8 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
     /// Restores a state that [`Stepper::saved`] returned for the same mesh, conditions and number of steps. The run
     /// then continues as the saved run would have, bit for bit, if `field` restores the point field exactly.
     ///
-    /// The point field is evaluated once at the restored state and then commits. The number of halvings is limited to
-    /// the maximum of this run.
+    /// The point field is evaluated once at the restored state and then commits. Increments are
+    /// limited to those of this run.
     ///
     /// # Errors
     /// Returns [`RestoreError`]; the stepper is then unchanged, except after [`RestoreError::Points`].
@@ -97,13 +100,13 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
             .restore_at(self.time_after(state.completed_steps), &state.displacements)
             .map_err(RestoreError::Points)?;
         self.completed_steps = state.completed_steps;
-        self.halvings = state.halvings.min(self.params.max_cuts).min(StepParams::MAX_CUTS);
+        self.increments.restore(state.halvings, state.increment);
         self.undeformed = false;
         Ok(())
     }
 
     /// Returns the pseudo-time at the end of a full step, rounded exactly as in [`Stepper::step`].
-    fn time_after(&self, step: usize) -> f64 {
+    pub(super) fn time_after(&self, step: usize) -> f64 {
         step as f64 / self.params.count as f64
     }
 }

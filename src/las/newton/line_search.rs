@@ -46,10 +46,11 @@ impl<B: Backend<Reduced: Scalar>> NewtonSystem<B> {
             position = step;
             let is_last = backtrack == params.max_backtracks;
             let factor = match self.evaluate(problem, report) {
-                Ok(trial)
+                Ok(mut trial)
                     if trial.norm <= ((1.0 - params.sufficient_decrease * step) * largest).max(limit)
                         || params.max_backtracks == 0 =>
                 {
+                    trial.step = step;
                     return Ok(trial);
                 }
                 Ok(trial) => backtracking_factor(step, current, trial.norm),

@@ -101,7 +101,7 @@ impl<B: Backend<Reduced: Scalar>> NewtonSystem<B> {
         params: &RegularizedParams,
     ) -> Result<NewtonReport, NewtonFailure<P::Error, B::Error>> {
         let mut descent = Descent { params, shift: 0.0, max_diagonal: 0.0, potential: None };
-        self.iterate(problem, tolerance, params.max_iterations, |system, problem, iterate, limit, report| {
+        self.iterate(problem, tolerance, params.max_iterations, true, |system, problem, iterate, limit, report| {
             system.regularized_step(problem, iterate.norm, limit, &mut descent, report)
         })
     }

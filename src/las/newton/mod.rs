@@ -4,7 +4,7 @@
 //! with the step length `a` of a backtracking line search (J. Nocedal and S. J. Wright, *Numerical Optimization*, 2nd
 //! ed., 2006, section 11.2; J. E. Dennis and R. B. Schnabel, *Numerical Methods for Unconstrained Optimization and
 //! Nonlinear Equations*, 1996, chapter 6). It stops when `|r| <= max(tolerance * scale, floor)`, with the scale and the
-//! floor of [`ResidualScale`] and Euclidean norms.
+//! floor of [`ResidualScale`] and Euclidean norms, and if [`NewtonParams`] asks for it, only after a small step.
 
 mod curvature;
 mod line_search;
@@ -67,31 +67,65 @@ impl<B: Backend<Reduced: Scalar>> NewtonSystem<B> {
         problem: &mut P,
         params: &NewtonParams,
     ) -> Result<NewtonReport, NewtonFailure<P::Error, B::Error>> {
-        self.iterate(problem, params.tolerance, params.max_iterations, |system, problem, _, limit, report| {
-            system.compute_direction(problem, report)?;
-            system.line_search(problem, params, limit, report)
-        })
+        let starts_settled = !params.has_step_criteria() || problem.state_scale().is_none();
+        self.iterate(
+            problem,
+            params.tolerance,
+            params.max_iterations,
+            starts_settled,
+            |system, problem, _, limit, report| {
+                system.compute_direction(problem, report)?;
+                if !params.has_step_criteria() {
+                    return system.line_search(problem, params, limit, report);
+                }
+                let work = system.residual_dot_direction()?;
+                let mut next = system.line_search(problem, params, limit, report)?;
+                next.settled = system.is_settled(problem, params, &next, work)?;
+                Ok(next)
+            },
+        )
+    }
+
+    /// Returns whether the step to this iterate and its work are small. `work` is `d . r` before the step.
+    fn is_settled<P: NonlinearProblem<B>>(
+        &self,
+        problem: &P,
+        params: &NewtonParams,
+        &Iterate { step, residual_scale, .. }: &Iterate,
+        work: f64,
+    ) -> Result<bool, Failure<B, P>> {
+        let Some(scale) = problem.state_scale() else { return Ok(true) };
+        let length = step * self.direction.norm()?.as_f64();
+        let is_small = |value: f64, tolerance: Option<f64>, scale: f64| tolerance.is_none_or(|of| value <= of * scale);
+        Ok(is_small(length, params.step_tolerance, scale)
+            && is_small((step * work).abs(), params.energy_tolerance, scale * residual_scale.scale))
     }
 
     /// Repeats `step` until the iterate that it returns has converged. `step` gets the current iterate and the limit of
-    /// its residual norm.
+    /// its residual norm. Without `starts_settled`, it is called at least once.
     fn iterate<P: NonlinearProblem<B>>(
         &mut self,
         problem: &mut P,
         tolerance: f64,
         max_iterations: usize,
+        starts_settled: bool,
         mut step: impl FnMut(&mut Self, &mut P, &Iterate, f64, &mut NewtonReport) -> Evaluation<B, P>,
     ) -> Result<NewtonReport, NewtonFailure<P::Error, B::Error>> {
         let mut report = NewtonReport::with_capacity(max_iterations);
         problem.save();
         let outcome: Result<(), Failure<B, P>> = (|| {
             let mut iterate = self.evaluate(problem, &mut report)?;
+            // No step has been taken that could be judged.
+            iterate.settled = starts_settled;
             loop {
                 report.record(&iterate);
                 let (iterations, residual) = (report.iterations, iterate.norm);
                 let limit = iterate.residual_scale.limit(tolerance);
-                if residual <= limit {
+                if residual <= limit && iterate.settled {
                     return Ok(());
+                }
+                if iterations == max_iterations && residual <= limit {
+                    return Err(NewtonError::StillMoving { iterations, residual });
                 }
                 if iterations == max_iterations {
                     return Err(NewtonError::TooManyIterations { iterations, residual, limit });
@@ -140,7 +174,7 @@ impl<B: Backend<Reduced: Scalar>> NewtonSystem<B> {
         report.seconds.residual += start.elapsed().as_secs_f64();
         // With an infinite scale every residual would count as converged.
         if norm.is_finite() && residual_scale.scale.is_finite() {
-            Ok(Iterate { norm, residual_scale })
+            Ok(Iterate { norm, residual_scale, step: 1.0, settled: true })
         } else {
             Err(NewtonError::NotFinite)
         }
@@ -161,6 +195,10 @@ impl<B: Backend<Reduced: Scalar>> NewtonSystem<B> {
 struct Iterate {
     norm: f64,
     residual_scale: ResidualScale,
+    /// The accepted step length of the line search.
+    step: f64,
+    /// False if a criterion other than the residual is not met.
+    settled: bool,
 }
 
 type Evaluation<B, P> = Result<Iterate, Failure<B, P>>;

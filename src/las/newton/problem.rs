@@ -28,6 +28,13 @@ pub trait NonlinearProblem<B: Backend> {
     /// Returns an error if the state cannot be updated.
     fn advance(&mut self, a: f64, d: &B::Vector) -> Result<(), Self::Error>;
 
+    /// Returns the size of the change of the state that steps are compared with
+    /// ([`NewtonParams::step_tolerance`](super::NewtonParams::step_tolerance)), for example the norm of the displacement
+    /// since the last converged state. The default, `None`, makes these criteria true.
+    fn state_scale(&self) -> Option<f64> {
+        None
+    }
+
     /// Returns true if the error does not depend on the state, so that a shorter step cannot help.
     fn is_final(_: &Self::Error) -> bool {
         false

@@ -23,6 +23,20 @@ pub struct NewtonParams {
     /// the residual rise temporarily: near a singular Jacobian, the residual norm has local minima that are not
     /// solutions (Grippo, Lampariello and Lucidi, SIAM J. Numer. Anal. 23 (1986) 707).
     pub nonmonotone_memory: usize,
+    /// If given, the iteration converges only after a step `a d` with `|a d| <= tolerance s`, where `s` is
+    /// [`NonlinearProblem::state_scale`](super::NonlinearProblem::state_scale). Default `None`.
+    pub step_tolerance: Option<f64>,
+    /// If given, the iteration converges only after a step `a d` whose work is small, `|a d . r| <= tolerance s |f|`,
+    /// with the residual `r` before the step, the same `s`, and
+    /// [`ResidualScale::scale`](super::ResidualScale::scale) for `|f|`. Default `None`.
+    pub energy_tolerance: Option<f64>,
+}
+
+impl NewtonParams {
+    /// Returns true if a small residual alone is not enough.
+    pub(super) fn has_step_criteria(&self) -> bool {
+        self.step_tolerance.is_some() || self.energy_tolerance.is_some()
+    }
 }
 
 impl Default for NewtonParams {
@@ -33,6 +47,8 @@ impl Default for NewtonParams {
             max_backtracks: 10,
             sufficient_decrease: 1e-4,
             nonmonotone_memory: 6,
+            step_tolerance: None,
+            energy_tolerance: None,
         }
     }
 }
@@ -124,6 +140,16 @@ pub enum NewtonError<E, F> {
         residual: f64,
         /// The limit that `|r|` did not reach.
         limit: f64,
+    },
+    /// The iteration limit was reached: the residual is small enough, but the last step or its work is not.
+    #[error(
+        "no convergence in {iterations} iterations: |r| = {residual:.3e} is within its limit, but the last correction is larger than the displacement or energy tolerance"
+    )]
+    StillMoving {
+        /// Number of iterations performed.
+        iterations: usize,
+        /// The final `|r|`.
+        residual: f64,
     },
     /// The line search found no step along the Newton direction that reduces the residual sufficiently.
     #[error(

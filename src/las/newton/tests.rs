@@ -12,6 +12,7 @@ struct OneUnknown {
     r: fn(f64) -> f64,
     dr: fn(f64) -> f64,
     w: fn(f64) -> f64,
+    state_scale: Option<f64>,
 }
 
 impl NonlinearProblem<Dense> for OneUnknown {
@@ -33,6 +34,10 @@ impl NonlinearProblem<Dense> for OneUnknown {
         Ok(())
     }
 
+    fn state_scale(&self) -> Option<f64> {
+        self.state_scale
+    }
+
     fn save(&mut self) {
         self.saved = self.x;
     }
@@ -49,7 +54,7 @@ impl Potential<Dense> for OneUnknown {
 }
 
 fn equation(x: f64, r: fn(f64) -> f64, dr: fn(f64) -> f64) -> OneUnknown {
-    OneUnknown { x, saved: 0.0, r, dr, w: |_| f64::NAN }
+    OneUnknown { x, saved: 0.0, r, dr, w: |_| f64::NAN, state_scale: None }
 }
 
 fn arctangent(x: f64) -> OneUnknown {
@@ -128,6 +133,31 @@ fn converges_quadratically_near_the_root() {
     assert!(report.iterations <= 4);
     let r = &report.residuals;
     assert!(r[2] < 2.0 * r[1] * r[1]);
+}
+
+#[test]
+fn criteria_of_the_step_and_of_its_work_add_iterations() {
+    let iterations = |step_tolerance, energy_tolerance, state_scale| {
+        let params = NewtonParams { tolerance: 0.5, step_tolerance, energy_tolerance, ..NewtonParams::default() };
+        let mut problem = OneUnknown { state_scale, ..arctangent(0.4) };
+        (system().solve(&mut problem, &params).unwrap().iterations, problem.x.abs())
+    };
+    assert_eq!(iterations(None, None, Some(1.0)), (0, 0.4), "the residual alone is small from the start");
+    assert_eq!(iterations(Some(1e-6), None, None), (0, 0.4), "nothing to compare the steps with");
+    // The iterates are 0.4, -0.0414, 4.7e-5, -7e-14; the steps 0.44, 0.041, 4.7e-5.
+    let steps = [0.5, 0.1, 1e-4].map(|tolerance| iterations(Some(tolerance), None, Some(1.0)).0);
+    assert_eq!(steps, [1, 2, 3]);
+    assert_eq!(iterations(Some(0.1), None, Some(1e-3)).0, 3, "relative to the scale of the state");
+    // The work of the steps is 0.17, 1.7e-3 and 2.2e-9.
+    let works = [0.2, 1e-2, 1e-8].map(|tolerance| iterations(None, Some(tolerance), Some(1.0)).0);
+    assert_eq!(works, [1, 2, 3]);
+
+    let mut params = NewtonParams { step_tolerance: Some(1e-6), max_iterations: 2, ..NewtonParams::default() };
+    params.tolerance = 0.5;
+    let mut problem = OneUnknown { state_scale: Some(1.0), ..arctangent(0.4) };
+    let failure = system().solve(&mut problem, &params).unwrap_err();
+    assert!(matches!(failure.reason, NewtonError::StillMoving { iterations: 2, .. }), "{failure}");
+    assert_eq!(problem.x, 0.4);
 }
 
 #[test]

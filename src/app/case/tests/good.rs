@@ -43,7 +43,14 @@ fn every_entry_is_read() {
     assert_eq!(case.points[0].displacement, [None, None, Some(-1e-3)]);
     assert_eq!((case.points[1].place, case.points[1].line), (PointPlace::Node(12), 36));
     assert_eq!((case.body_forces[0].region.as_str(), case.body_forces[0].value), ("gauge", [0.0, 0.0, -9810.0]));
-    assert_eq!(case.steps, StepsCase { count: 20, max_cuts: 4 });
+    assert_eq!(
+        case.steps,
+        StepsCase {
+            count: 20,
+            max_cuts: 4,
+            adaptive: Some(AdaptiveIncrements { target_iterations: 6, largest: 0.5, smallest: 0.015625 }),
+        }
+    );
     let cg = Iterative {
         krylov: Krylov::Cg,
         preconditioner: Preconditioner::Diagonal,
@@ -56,7 +63,9 @@ fn every_entry_is_read() {
         tolerance: 1e-9,
         max_iterations: 30,
         line_search: false,
-        start: StepStart::Tangent,
+        displacement_tolerance: Some(1e-5),
+        energy_tolerance: None,
+        start: StepStart::Prescribed,
         solver: Method::Iterative(cg),
     };
     assert_eq!(case.newton, newton);
@@ -86,12 +95,14 @@ fn defaults_fill_in() {
     assert!(warnings.is_empty());
     assert_eq!((case.title.as_str(), case.mesh_scale), ("pull", 1.0));
     assert_eq!(case.mesh, MeshSource::Dogbone { element_size: 0.002 });
-    assert_eq!(case.steps, StepsCase { count: 10, max_cuts: 6 });
+    assert_eq!(case.steps, StepsCase { count: 10, max_cuts: 6, adaptive: None });
     let newton = NewtonCase {
         tolerance: 1e-8,
         max_iterations: 25,
         line_search: true,
-        start: StepStart::Prescribed,
+        displacement_tolerance: None,
+        energy_tolerance: None,
+        start: StepStart::Tangent,
         solver: Method::Direct,
     };
     assert_eq!(case.newton, newton);

@@ -91,12 +91,15 @@ value = [0.0, 0.0, -9810.0]
 [steps]
 count = 20
 max_cuts = 4
+adaptive = { target_iterations = 6, largest = 0.5 }
 
 [newton]
 tolerance = 1e-9
 max_iterations = 30
 line_search = false
-start = "tangent"
+displacement_tolerance = 1e-5
+energy_tolerance = "none"
+start = "held"
 solver = { method = "cg", preconditioner = "diagonal", tolerance = 1e-13 }
 
 [micro]

@@ -95,7 +95,7 @@ fn written_case_holds_the_defaults() {
         "count = 10",
         "tolerance = 1e-8",
         "line_search = true",
-        "start = \"held\"",
+        "start = \"tangent\"",
         "rve = \"none\"",
     ] {
         assert!(written.lines().any(|written| written == line), "{line} is not in\n{written}");

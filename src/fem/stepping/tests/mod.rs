@@ -80,13 +80,19 @@ struct Slow {
     commits: usize,
     reverts: usize,
     updates: usize,
+    /// The number of the update whose tangents are zero, from 1; 0 for none.
+    singular_at: usize,
+    /// The mean of `F_11` over the points in each committed state.
+    stretches: Vec<f64>,
 }
 
 impl Slow {
     fn new(mesh: &Mesh, limit: f64) -> Self {
         let at_rest = vec![Matrix3::identity(); mesh.elements().len()];
         let committed = at_rest.clone();
-        Self { formula: formula(mesh), limit, current: at_rest, committed, commits: 0, reverts: 0, updates: 0 }
+        let formula = formula(mesh);
+        let (commits, reverts, updates, singular_at, stretches) = (0, 0, 0, 0, Vec::new());
+        Self { formula, limit, current: at_rest, committed, commits, reverts, updates, singular_at, stretches }
     }
 }
 
@@ -106,12 +112,17 @@ impl PointField for Slow {
         self.current.copy_from_slice(gradients);
         let left = gradients.iter().zip(&self.committed).position(|(f, from)| (f - from).norm() > self.limit);
         left.map_or(Ok(()), |element| Err(SlowError::Left(element)))?;
-        Ok(self.formula.update(gradients, out)?)
+        self.formula.update(gradients, out)?;
+        if self.updates == self.singular_at {
+            out.tangent.iter_mut().for_each(|tangent| tangent.fill(0.0));
+        }
+        Ok(())
     }
 
     fn commit(&mut self) -> Result<(), Self::Error> {
         self.commits += 1;
         self.committed.copy_from_slice(&self.current);
+        self.stretches.push(self.current.iter().map(|f| f[(0, 0)]).sum::<f64>() / self.current.len() as f64);
         Ok(())
     }
 
@@ -216,6 +227,70 @@ fn a_prescribed_start_that_inverts_elements_is_linearized_before_it_is_cut() {
 }
 
 #[test]
+fn a_singular_tangent_is_replaced_by_the_other_start_before_a_cut() {
+    let mesh = bar(4);
+    let params = StepParams { count: 2, ..StepParams::default() };
+    let run = |singular_at| {
+        let mut stepper = stepper(&mesh, &pushed(0.2), Slow { singular_at, ..Slow::new(&mesh, 10.0) }, params);
+        let first = stepper.step(&mut ()).unwrap();
+        let updates = stepper.field().updates;
+        let second = stepper.step(&mut ()).unwrap();
+        (updates, [first, second].map(|report| (report.linearized, report.cuts)))
+    };
+    let (updates, starts) = run(0);
+    assert_eq!(starts, [(1, 0), (1, 0)]);
+    // The last update of the first step belongs to its converged state.
+    assert_eq!(run(updates), (updates, [(1, 0), (0, 0)]));
+}
+
+/// Returns the mean of `F_11` over all points (of equal volume) in each committed state, and the reports.
+fn stretches(curve: &LoadCurve, params: StepParams) -> (Vec<f64>, Vec<StepReport>) {
+    let mesh = bar(4);
+    let mut conditions = pushed(0.5);
+    conditions.surfaces[1].curve = curve.clone();
+    let mut stepper = stepper(&mesh, &conditions, Slow::new(&mesh, 10.0), params);
+    let reports = stepper.run(&mut ()).unwrap();
+    (stepper.field().stretches.clone(), reports)
+}
+
+#[test]
+fn increments_end_at_the_break_points_of_load_curves() {
+    let peak = LoadCurve::table(&[[0.0, 0.0], [0.3, 1.0], [0.8, 0.2], [1.0, 0.2]]).unwrap();
+    let (stretches, reports) = stretches(&peak, StepParams { count: 2, ..StepParams::default() });
+    assert_eq!(reports.iter().map(|report| report.increments).collect::<Vec<_>>(), [2, 2]);
+    // t = 0, 0.3, 0.5, 0.8, 1.
+    for (found, expected) in stretches.iter().zip([1.0, 1.5, 1.34, 1.1, 1.1]) {
+        assert!((found - expected).abs() < 1e-12, "{stretches:?}");
+    }
+    assert_eq!(stretches.len(), 5);
+}
+
+#[test]
+fn adaptive_increments_shrink_and_grow_with_the_iterations() {
+    let adaptive = AdaptiveIncrements { target_iterations: 1, largest: 0.5, smallest: 0.05 };
+    let increments = IncrementControl::Adaptive(adaptive);
+    let params = StepParams { count: 2, increments, ..StepParams::default() };
+    let (fine, reports) = stretches(&LoadCurve::Ramp, params);
+    assert!(reports[0].increments > 2 && reports.iter().all(|report| report.cuts == 0), "{reports:?}");
+    assert!((fine[1] - 1.125).abs() < 1e-12, "half a step: {fine:?}");
+    let rises: Vec<f64> = fine.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    assert!(rises.iter().all(|rise| *rise > 0.00625), "{rises:?}");
+    let (_, coarse) = stretches(&LoadCurve::Ramp, StepParams { count: 2, ..StepParams::default() });
+    assert_eq!(coarse.iter().map(|report| report.increments).collect::<Vec<_>>(), [1, 1]);
+
+    // A point field that refuses long increments.
+    let mesh = bar(4);
+    let increments = IncrementControl::Adaptive(AdaptiveIncrements::default());
+    let params = StepParams { count: 1, increments, ..StepParams::default() };
+    let mut cut = stepper(&mesh, &pushed(0.4), Slow::new(&mesh, 0.1), params);
+    let report = cut.step(&mut ()).unwrap();
+    assert!(report.cuts >= 2 && report.increments >= 4, "{report:?}");
+    let never = Slow::new(&mesh, 1e-4);
+    let error = stepper(&mesh, &pushed(0.4), never, params).step(&mut ()).unwrap_err();
+    assert!(error.to_string().contains("(6 halvings)"), "down to 1/64: {error}");
+}
+
+#[test]
 fn the_observer_can_stop_a_run() {
     let mesh = bar(2);
     let mut log = Log { stop_at: 2, ..Log::default() };
@@ -229,16 +304,22 @@ fn the_observer_can_stop_a_run() {
 
 #[test]
 fn a_restored_run_continues_bit_for_bit() {
+    continues_bit_for_bit(IncrementControl::Halving);
+    continues_bit_for_bit(IncrementControl::Adaptive(AdaptiveIncrements::default()));
+}
+
+fn continues_bit_for_bit(increments: IncrementControl) {
     let mesh = bar(4);
     let conditions = pushed(0.6);
-    let params = StepParams { count: 4, ..StepParams::default() };
+    let params = StepParams { count: 4, increments, ..StepParams::default() };
     let new = || stepper(&mesh, &conditions, Slow::new(&mesh, 0.05), params);
     let mut whole = new();
     assert_eq!(whole.saved(), None, "nothing has converged");
     whole.step(&mut ()).unwrap();
     whole.step(&mut ()).unwrap();
     let (saved, memory) = (whole.saved().unwrap(), whole.field().committed.clone());
-    assert!(saved.completed_steps == 2 && saved.halvings > 0, "the increment has not grown back: {}", saved.halvings);
+    assert_eq!(saved.completed_steps, 2);
+    assert!(saved.halvings > 0 || saved.increment < 1.0, "the increment has not grown back: {saved:?}");
     let expected = whole.run(&mut ()).unwrap();
 
     let mut other = new();
