@@ -5,8 +5,8 @@ use std::sync::Arc;
 use super::case::{BodyForceCase, BoundaryCase, Case, MeshSource, PointPlace, QuadraticCase, SurfaceLoad};
 use super::vtu;
 use crate::fem::boundary::{
-    BodyForce, Boundary, BoundaryError, Conditions, LoadCondition, PointCondition, PointLocation, Pressure,
-    SurfaceCondition, Traction,
+    BodyForce, Boundary, BoundaryError, Conditions, Foundation, LoadCondition, PointCondition, PointLoad,
+    PointLocation, Pressure, SurfaceCondition, Traction,
 };
 use crate::fem::mesh::shapes::{self, ShapeError};
 use crate::fem::mesh::{Mesh, MeshError, gmsh};
@@ -164,6 +164,9 @@ pub fn conditions(case: &Case) -> Conditions {
             SurfaceLoad::Displacement(displacement) => surfaces.push(SurfaceCondition { surface, displacement, curve }),
             SurfaceLoad::Traction(value) => loads.push(Arc::new(Traction { surface, value, curve })),
             SurfaceLoad::Pressure(value) => loads.push(Arc::new(Pressure { surface, value, curve })),
+            SurfaceLoad::Foundation([normal, tangential]) => {
+                loads.push(Arc::new(Foundation { surface, normal, tangential }));
+            }
         }
     }
     let points = case.points.iter().map(|point| PointCondition {
@@ -174,10 +177,16 @@ pub fn conditions(case: &Case) -> Conditions {
         displacement: point.displacement,
         curve: point.curve.clone(),
     });
+    let points: Vec<PointCondition> = points.collect();
+    for (point, (of, PointCondition { place, curve, .. })) in case.points.iter().zip(&points).enumerate() {
+        if let Some(value) = of.force {
+            loads.push(Arc::new(PointLoad { point, place: *place, value, curve: curve.clone() }));
+        }
+    }
     for BodyForceCase { region, value, curve, .. } in &case.body_forces {
         loads.push(Arc::new(BodyForce { region: region.clone(), value: *value, curve: curve.clone() }));
     }
-    Conditions { surfaces, points: points.collect(), loads }
+    Conditions { surfaces, points, loads }
 }
 
 /// Returns the parameters of load stepping of a case.

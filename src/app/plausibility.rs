@@ -211,6 +211,7 @@ fn loads(case: &Case, edge: f64, softest: Option<&Stiffness>) -> Vec<Load> {
             SurfaceLoad::Pressure(value) => {
                 force(boundary.line, &format!("the pressure on {place}"), &[*value, 0.0, 0.0], None, &boundary.curve)
             }
+            SurfaceLoad::Foundation(_) => None,
         }
     });
     let points =

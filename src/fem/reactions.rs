@@ -1,8 +1,8 @@
 //! Forces on the body through each surface and each point condition.
 //!
 //! At a prescribed component the support exerts the reaction `f_int - f_ext`. Each reaction is counted once, for the
-//! first condition that prescribes the component. The force through a surface is the sum of its reactions and of the
-//! loads on it. Free components satisfy `f_int = f_ext`, and internal forces sum to zero. Hence the forces over all
+//! first condition that prescribes the component. The force through a surface or a point is the sum of its reactions and of
+//! the loads on it. Free components satisfy `f_int = f_ext`, and internal forces sum to zero. Hence the forces over all
 //! surfaces and points sum to minus the body forces, up to the tolerance of Newton.
 
 use nalgebra::Vector3;
@@ -69,7 +69,7 @@ impl BoundaryForces {
             }
         }
         for load in boundary.loads() {
-            if let Some(force) = load.surface().and_then(|surface| forces.force_mut(Source::Surface(surface))) {
+            if let Some(force) = load.source().and_then(|source| forces.force_mut(source)) {
                 for (sum, part) in force.iter_mut().zip(load.resultant(t, displacements)) {
                     *sum += part;
                 }

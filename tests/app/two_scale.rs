@@ -166,6 +166,7 @@ fn bar(material: &str) -> String {
         count = 10
         [newton]
         tolerance = 1e-10
+        start = "held"
         "#
     )
 }

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use biotissue::backends::sparse::Sparse;
 use biotissue::fem::assembly::{Assembler, Unknowns, geometry};
 use biotissue::fem::boundary::{
-    Boundary, BoundaryError, Conditions, CoupledNodes, Load, LoadCondition, LoadCurve, SurfaceCondition, Traction,
-    find_surface,
+    Boundary, BoundaryError, Conditions, CoupledNodes, Load, LoadCondition, LoadCurve, Source, SurfaceCondition,
+    Traction, find_surface,
 };
 use biotissue::fem::equilibrium::Equilibrium;
 use biotissue::fem::material::NeoHookean;
@@ -85,8 +85,8 @@ impl<L: FacetLoad> Load for FacetsWithLoad<L> {
         forces.sum::<Vector3<f64>>().into()
     }
 
-    fn surface(&self) -> Option<usize> {
-        Some(self.surface)
+    fn source(&self) -> Option<Source> {
+        Some(Source::Surface(self.surface))
     }
 
     fn coupled_nodes(&self) -> CoupledNodes<'_> {

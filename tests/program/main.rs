@@ -4,6 +4,7 @@
 mod arguments;
 mod elements;
 mod files;
+mod loads;
 mod messages;
 mod outputs;
 mod ranks;

@@ -103,7 +103,7 @@ pub struct BoundaryCase {
     pub surface: String,
     /// Line of the case file.
     pub line: usize,
-    /// The prescribed displacement or traction.
+    /// The prescribed displacement or the load.
     pub load: SurfaceLoad,
     /// The load curve over pseudo-time.
     pub curve: LoadCurve,
@@ -118,9 +118,11 @@ pub enum SurfaceLoad {
     Traction([f64; 3]),
     /// Pressure on the deformed surface, Pa; positive if it presses on the body.
     Pressure(f64),
+    /// Elastic foundation: spring stiffness per reference area along the normal and along the surface, Pa/m.
+    Foundation([f64; 2]),
 }
 
-/// A prescribed displacement at a node.
+/// A prescribed displacement of a node or a force on it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PointCase {
     /// The node.
@@ -129,7 +131,9 @@ pub struct PointCase {
     pub line: usize,
     /// Displacement by component, m; a component that is `None` is free.
     pub displacement: [Option<f64>; 3],
-    /// The load curve over pseudo-time.
+    /// The force on the node, N.
+    pub force: Option<[f64; 3]>,
+    /// The load curve over pseudo-time, of displacement and force.
     pub curve: LoadCurve,
 }
 

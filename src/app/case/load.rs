@@ -34,12 +34,39 @@ pub(super) fn boundaries(root: &mut Table<'_>) -> Vec<BoundaryCase> {
 }
 
 fn boundary_load(table: &mut Table<'_>) -> Option<SurfaceLoad> {
-    let (key, value) = table.one_of(&["displacement", "traction", "pressure"])?;
+    let (key, value) = table.one_of(&["displacement", "traction", "pressure", "foundation"])?;
     match key {
         "displacement" => displacement_of(&value).map(SurfaceLoad::Displacement),
         "traction" => value.vector(Range::any("Pa")).map(SurfaceLoad::Traction),
-        _ => value.number(Range::any("Pa")).map(SurfaceLoad::Pressure),
+        "pressure" => value.number(Range::any("Pa")).map(SurfaceLoad::Pressure),
+        _ => {
+            if let Some(curve) = table.get("curve") {
+                curve.report_error("is given for a foundation", "a constant stiffness", "remove `curve`");
+            }
+            foundation(&value).map(SurfaceLoad::Foundation)
+        }
     }
+}
+
+/// Reads a stiffness in all directions, or one along the normal and one along the surface.
+fn foundation(value: &Value<'_>) -> Option<[f64; 2]> {
+    const STIFFNESS: Range = Range::at_least(0.0, "Pa/m");
+    let both = if value.inner.as_table().is_some() {
+        let mut table = value.table()?;
+        let parts = ["normal", "tangential"].map(|key| {
+            let is_given = table.has(key);
+            table.number(key, STIFFNESS).or((!is_given).then_some(0.0))
+        });
+        table.report_unknown_keys();
+        [parts[0]?, parts[1]?]
+    } else {
+        [value.number(STIFFNESS)?; 2]
+    };
+    if both == [0.0; 2] {
+        value.report_error("has no stiffness", "a stiffness above 0, in Pa/m", "write such as { normal = 1.0e6 }");
+        return None;
+    }
+    Some(both)
 }
 
 /// Reads `{ x, y, z }` with at least one component.
@@ -61,7 +88,7 @@ fn prescribed_components(load: &SurfaceLoad) -> [bool; 3] {
     match load {
         SurfaceLoad::Displacement(components) => components.map(|component| component.is_some()),
         SurfaceLoad::Traction(components) => components.map(|component| component != 0.0),
-        SurfaceLoad::Pressure(_) => [false; 3],
+        SurfaceLoad::Pressure(_) | SurfaceLoad::Foundation(_) => [false; 3],
     }
 }
 
@@ -113,15 +140,25 @@ pub(super) fn points(root: &mut Table<'_>) -> Vec<PointCase> {
             Some(Either::Second(node)) => node.integer(&(0..=u32::MAX as usize)).map(PointPlace::Node),
             None => None,
         };
-        let displacement = table
-            .require("displacement", "a table with `x`, `y`, `z`, each a number in m")
-            .and_then(|value| displacement_of(&value));
+        if !table.has("displacement") && !table.has("force") {
+            let expected = "a displacement, a force, or both";
+            table.report("has neither `displacement` nor `force`", expected, "add such as force = [0.0, 0.0, 1.0e-3]");
+        }
+        let displacement = table.get("displacement").map_or(Some([None; 3]), |value| displacement_of(&value));
+        let force = table.get("force").map(|value| value.vector(Range::any("N")));
         let curve = curve(&mut table);
-        if let (Some(place), Some(displacement)) = (place, displacement) {
-            let held = displacement.map(|component| component.is_some());
+        if let (Some(place), Some(displacement), None | Some(Some(_))) = (place, displacement, force) {
+            let force = force.flatten();
+            let pulled = force.unwrap_or_default().map(|component| component != 0.0);
+            for (k, axis) in AXES.iter().enumerate().filter(|&(k, _)| pulled[k] && displacement[k].is_some()) {
+                let complaint = format!("has both a displacement and a force along {axis}");
+                let expected = "each component prescribed by a displacement or by a force";
+                table.report(&complaint, expected, format!("remove `{}` from `displacement`", AXES[k]));
+            }
+            let held = std::array::from_fn(|k| displacement[k].is_some() || pulled[k]);
             let holders = prescribed.entry(key_of(&place)).or_default();
             prescribe(table.problems, holders, || "this node".into(), table.line, held);
-            points.push(PointCase { place, line: table.line, displacement, curve });
+            points.push(PointCase { place, line: table.line, displacement, force, curve });
         }
         table.report_unknown_keys();
     }

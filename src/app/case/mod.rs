@@ -39,12 +39,17 @@
 //! surface = "z1"
 //! pressure = 1.0e3                         # Pa of current area, normal to the deformed surface; presses on the body
 //!
+//! [[boundary]]
+//! surface = "left"
+//! foundation = { normal = 1.0e8, tangential = 0.0 }   # springs, Pa/m of reference area; or one number for both
+//!
 //! [[point]]
 //! at = [0.0, 0.0, 0.0]                     # the node nearest to it, in mesh units; or: node = 0
 //! displacement = { y = 0.0, z = 0.0 }
 //! [[point]]
 //! at = [0.0, 1.0, 0.0]
 //! displacement = { z = 0.0 }
+//! force = [1.0e-3, 0.0, 0.0]               # N on this node; with a displacement of other components, or alone
 //!
 //! [[body_force]]
 //! region = "*"                             # "*": the whole body

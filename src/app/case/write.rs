@@ -51,15 +51,24 @@ impl Case {
                 SurfaceLoad::Displacement(components) => displacement(components),
                 SurfaceLoad::Traction(traction) => entry("traction", traction),
                 SurfaceLoad::Pressure(pressure) => entry("pressure", pressure),
+                SurfaceLoad::Foundation([normal, tangential]) => {
+                    table("foundation", [entry("normal", normal), entry("tangential", tangential)])
+                }
             };
-            section(&mut out, "[[boundary]]", [text("surface", &boundary.surface), load, curve(&boundary.curve)]);
+            let curve = (!matches!(boundary.load, SurfaceLoad::Foundation(_))).then(|| curve(&boundary.curve));
+            let entries = [text("surface", &boundary.surface), load].into_iter().chain(curve);
+            section(&mut out, "[[boundary]]", entries);
         }
         for point in &self.points {
             let place = match &point.place {
                 PointPlace::At(at) => entry("at", at),
                 PointPlace::Node(node) => entry("node", node),
             };
-            section(&mut out, "[[point]]", [place, displacement(&point.displacement), curve(&point.curve)]);
+            let moved = point.displacement != [None; 3];
+            let moved = moved.then(|| displacement(&point.displacement));
+            let force = point.force.map(|force| entry("force", force));
+            let entries = [place].into_iter().chain(moved).chain(force).chain([curve(&point.curve)]);
+            section(&mut out, "[[point]]", entries);
         }
         for force in &self.body_forces {
             let entries = [text("region", &force.region), entry("value", force.value), curve(&force.curve)];

@@ -38,7 +38,7 @@ pub struct LoadRow {
     pub t: f64,
     /// The states of all surfaces.
     pub surfaces: Vec<SurfaceRow>,
-    /// The reaction force at every point with a prescribed displacement, N.
+    /// The force on the body at every point condition (reaction force plus applied force), N.
     pub points: Vec<[f64; 3]>,
     /// The current volume of every region, m^3.
     pub volumes: Vec<f64>,
@@ -49,7 +49,7 @@ pub struct LoadRow {
 pub struct Loads {
     /// Names of the surfaces.
     pub surfaces: Vec<String>,
-    /// Names of the points with a prescribed displacement.
+    /// Names of the point conditions.
     pub points: Vec<String>,
     /// Names of the regions.
     pub regions: Vec<String>,
@@ -81,7 +81,7 @@ pub struct LoadsWriter {
 }
 
 impl LoadsWriter {
-    /// Creates a new table and replaces an existing one. Points with a prescribed displacement have no names of their
+    /// Creates a new table and replaces an existing one. Point conditions have no names of their
     /// own: call them `point0`, `point1`, ...
     ///
     /// # Errors

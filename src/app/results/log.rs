@@ -87,7 +87,7 @@ pub struct Step {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Balance {
-    /// The sum of the forces through all surfaces and at all points with a prescribed displacement, N.
+    /// The sum of the forces through all surfaces and at all point conditions, N.
     pub force: [f64; 3],
     /// The norm of this sum divided by that of the largest single force.
     pub relative: f64,

@@ -22,8 +22,9 @@ pub struct Conditions {
     pub surfaces: Vec<SurfaceCondition>,
     /// Prescribed displacements of single nodes.
     pub points: Vec<PointCondition>,
-    /// Loads, whose forces are added in this order: [`Traction`](super::Traction), [`BodyForce`](super::BodyForce), or
-    /// any other implementation of [`LoadCondition`].
+    /// Loads, whose forces are added in this order: [`Traction`](super::Traction),
+    /// [`Pressure`](super::Pressure), [`Foundation`](super::Foundation), [`PointLoad`](super::PointLoad),
+    /// [`BodyForce`](super::BodyForce), or any other implementation of [`LoadCondition`].
     pub loads: Vec<Arc<dyn LoadCondition>>,
 }
 
@@ -39,7 +40,7 @@ pub struct SurfaceCondition {
     pub curve: LoadCurve,
 }
 
-/// A prescribed displacement of a node.
+/// A point whose force and displacement are reported, and the prescribed displacement of its node.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PointCondition {
     /// The node.

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::{BoundaryError, Load, LoadCondition, LoadCurve, check_finite, find_surface};
+use super::{BoundaryError, Load, LoadCondition, LoadCurve, Source, check_finite, find_surface};
 use crate::fem::mesh::Mesh;
 
 /// A force per reference area of a surface, whose direction and magnitude do not follow the deformation.
@@ -112,7 +112,7 @@ impl Load for NodalLoad {
         self.curve.break_points()
     }
 
-    fn surface(&self) -> Option<usize> {
-        self.surface
+    fn source(&self) -> Option<Source> {
+        self.surface.map(Source::Surface)
     }
 }

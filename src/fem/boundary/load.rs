@@ -2,7 +2,7 @@
 
 use std::fmt::Debug;
 
-use super::BoundaryError;
+use super::{BoundaryError, Source};
 use crate::fem::mesh::{Elements, Faces, Mesh};
 use crate::las::Symmetry;
 
@@ -19,8 +19,7 @@ pub trait LoadCondition: Debug + Send + Sync {
 /// factor over pseudo-time is part of the load.
 ///
 /// Every rank evaluates the forces of all loads. The tangent of the body contains `-df/du` of every load with
-/// [`Load::coupled_nodes`]. A load does not count as a support: the prescribed displacements alone must prevent
-/// rigid-body motions.
+/// [`Load::coupled_nodes`]. The prescribed displacements and [`Load::supports`] must prevent rigid-body motions.
 pub trait Load: Debug + Send + Sync {
     /// Adds the forces on the nodes, N; `forces` has one entry per node of the mesh.
     fn add_forces(&self, t: f64, displacements: &[[f64; 3]], forces: &mut [[f64; 3]]);
@@ -28,9 +27,15 @@ pub trait Load: Debug + Send + Sync {
     /// Returns the sum of the forces, N.
     fn resultant(&self, t: f64, displacements: &[[f64; 3]]) -> [f64; 3];
 
-    /// Returns the surface through which the load acts, an index into [`Mesh::surfaces`]; `None` for a body force.
-    fn surface(&self) -> Option<usize> {
+    /// Returns the surface or the point condition through which the load acts; `None` for a body force.
+    fn source(&self) -> Option<Source> {
         None
+    }
+
+    /// Returns the directions in which the load resists motions of the undeformed body, as springs do. They count as
+    /// supports against rigid-body motions. The default is none.
+    fn supports(&self) -> &[Support] {
+        &[]
     }
 
     /// Returns the pseudo-times at which the rate of the load jumps; an increment ends exactly at each of them. The
@@ -60,6 +65,15 @@ pub trait Load: Debug + Send + Sync {
     fn add_stiffness(&self, t: f64, displacements: &[[f64; 3]], group: usize, block: &mut [f64]) {
         let _ = (t, displacements, group, block);
     }
+}
+
+/// A direction in which a spring resists the displacement of a node.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Support {
+    /// The node.
+    pub node: u32,
+    /// The direction, a unit vector.
+    pub direction: [f64; 3],
 }
 
 /// The nodes that the stiffness of a load couples.

@@ -1,7 +1,6 @@
 //! Boundary conditions: named [`Conditions`], resolved on a mesh into a [`Boundary`].
 //!
-//! A condition either prescribes displacements or is a [`Load`]. A new load (an elastic foundation,
-//! for example) is a new file that implements [`LoadCondition`] and [`Load`]; nothing else in [`fem`](crate::fem)
+//! A condition either prescribes displacements or is a [`Load`]. A new load is a new file that implements [`LoadCondition`] and [`Load`]; nothing else in [`fem`](crate::fem)
 //! depends on the kind of load.
 //!
 //! # Shared nodes
@@ -14,7 +13,9 @@ mod conditions;
 mod curve;
 mod dead;
 mod error;
+mod foundation;
 mod load;
+mod point_load;
 mod prescribed;
 mod pressure;
 
@@ -22,7 +23,9 @@ pub use conditions::{Conditions, PointCondition, PointLocation, SurfaceCondition
 pub use curve::{CurveError, LoadCurve, LoadTable};
 pub use dead::{BodyForce, Traction};
 pub use error::BoundaryError;
-pub use load::{CoupledNodes, Load, LoadCondition};
+pub use foundation::Foundation;
+pub use load::{CoupledNodes, Load, LoadCondition, Support};
+pub use point_load::PointLoad;
 pub use prescribed::{PrescribedComponent, Source};
 pub use pressure::Pressure;
 
@@ -85,6 +88,11 @@ impl Boundary {
     /// Returns the loads, in the order of the conditions.
     pub fn loads(&self) -> &[Box<dyn Load>] {
         &self.loads
+    }
+
+    /// Returns the directions in which loads resist motions of nodes.
+    pub fn supports(&self) -> impl Iterator<Item = &Support> {
+        self.loads.iter().flat_map(|load| load.supports())
     }
 
     /// Returns true if the external forces depend on the displacements.

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use nalgebra::Vector3;
 
-use super::{BoundaryError, CoupledNodes, Load, LoadCondition, LoadCurve, check_finite, find_surface};
+use super::{BoundaryError, CoupledNodes, Load, LoadCondition, LoadCurve, Source, check_finite, find_surface};
 use crate::fem::element::CellType;
 use crate::fem::mesh::{Faces, Mesh};
 use crate::las::Symmetry;
@@ -106,8 +106,8 @@ impl Load for FollowerPressure {
         self.curve.break_points()
     }
 
-    fn surface(&self) -> Option<usize> {
-        Some(self.surface)
+    fn source(&self) -> Option<Source> {
+        Some(Source::Surface(self.surface))
     }
 
     fn coupled_nodes(&self) -> CoupledNodes<'_> {

@@ -77,8 +77,8 @@ fn loads_add_up_to_area_and_volume() {
         assert!((sum[i] - expected[i]).abs() < 1e-14, "{sum:?}");
     }
     let resultants: Vec<[f64; 3]> = boundary.loads().iter().map(|load| load.resultant(1.0, &[])).collect();
-    assert_eq!(boundary.loads()[0].surface(), mesh.surface_names().position(|n| n == "x1"));
-    assert_eq!((boundary.loads()[2].surface(), boundary.depends_on_displacements()), (None, false));
+    assert_eq!(boundary.loads()[0].source(), mesh.surface_names().position(|n| n == "x1").map(Source::Surface));
+    assert_eq!((boundary.loads()[2].source(), boundary.depends_on_displacements()), (None, false));
     for (found, expected) in resultants.iter().zip([[4.0, -2.0, 0.5], [0.0, 0.0, 2.0], [0.0, 0.0, -20.0]]) {
         assert!((0..3).all(|i| (found[i] - expected[i]).abs() < 1e-14), "{found:?}");
     }

@@ -3,7 +3,7 @@
 //! A body with an unconstrained rigid-body mode has a singular stiffness in the undeformed state, whatever its
 //! material. Because of rounding, a factorization may not detect the singularity; the geometry does. A rigid motion
 //! moves the node at `x` by `v + w x (x - c)`. Every prescribed displacement component is one homogeneous linear
-//! equation in the six components of `v` and `w`; a mode in the null space of these equations is free. Each connected
+//! equation in the six components of `v` and `w`, and so is every direction in which a spring supports a node; a mode in the null space of these equations is free. Each connected
 //! component ("part") of the mesh must be constrained separately.
 //!
 //! ```
@@ -12,18 +12,21 @@
 //! let mesh = shapes::cuboid([1, 1, 1], [1.0; 3]).unwrap();
 //! // The lower side slides in its plane.
 //! let prescribed: Vec<[bool; 3]> = mesh.nodes().iter().map(|x| [false, false, x[2] == 0.0]).collect();
-//! let error = rigid_modes::check(&mesh, &prescribed).unwrap_err();
+//! let error = rigid_modes::check(&mesh, &prescribed, []).unwrap_err();
 //! assert_eq!(error.to_string(), "the body is free to move along x and y and to rotate about z");
 //! ```
 
 mod free_modes;
 mod parts;
 
+use std::collections::HashMap;
+
 use nalgebra::{DMatrix, Matrix6, Vector3, Vector6};
 use thiserror::Error;
 
 pub use free_modes::{FreeModes, Screw};
 
+use super::boundary::Support;
 use super::mesh::Mesh;
 use parts::{Part, parts};
 
@@ -49,7 +52,7 @@ pub struct UnderconstrainedPart {
     pub free_modes: FreeModes,
 }
 
-/// Checks that the prescribed displacements constrain all six rigid-body modes of every connected part of `mesh`.
+/// Checks that the prescribed displacements and the springs constrain all six rigid-body modes of every connected part of `mesh`.
 /// `prescribed[node][component]` is true for prescribed components.
 ///
 /// # Errors
@@ -57,11 +60,19 @@ pub struct UnderconstrainedPart {
 ///
 /// # Panics
 /// Panics if `prescribed` has fewer nodes than the mesh.
-pub fn check(mesh: &Mesh, prescribed: &[[bool; 3]]) -> Result<(), UnderconstrainedBody> {
+pub fn check<'a>(
+    mesh: &Mesh,
+    prescribed: &[[bool; 3]],
+    supports: impl IntoIterator<Item = &'a Support>,
+) -> Result<(), UnderconstrainedBody> {
+    let mut springs: HashMap<u32, Vec<Vector3<f64>>> = HashMap::new();
+    for support in supports {
+        springs.entry(support.node).or_default().push(support.direction.into());
+    }
     let parts = parts(mesh);
     let is_one = parts.len() == 1;
     let underconstrained = parts.iter().filter_map(|part| {
-        let free_modes = free_modes_of(mesh, part, prescribed)?;
+        let free_modes = free_modes_of(mesh, part, prescribed, &springs)?;
         Some(UnderconstrainedPart { name: (!is_one).then(|| part.name(mesh)), free_modes })
     });
     let parts: Vec<UnderconstrainedPart> = underconstrained.collect();
@@ -69,7 +80,12 @@ pub fn check(mesh: &Mesh, prescribed: &[[bool; 3]]) -> Result<(), Underconstrain
 }
 
 /// Returns the free modes of a part; `None` if it has none.
-fn free_modes_of(mesh: &Mesh, part: &Part, prescribed: &[[bool; 3]]) -> Option<FreeModes> {
+fn free_modes_of(
+    mesh: &Mesh,
+    part: &Part,
+    prescribed: &[[bool; 3]],
+    springs: &HashMap<u32, Vec<Vector3<f64>>>,
+) -> Option<FreeModes> {
     let position = |node: u32| Vector3::from(mesh.nodes()[node as usize]);
     let nodes = || part.nodes.iter().copied();
     let center = nodes().map(position).sum::<Vector3<f64>>() / part.nodes.len() as f64;
@@ -77,7 +93,9 @@ fn free_modes_of(mesh: &Mesh, part: &Part, prescribed: &[[bool; 3]]) -> Option<F
     let equations = nodes().flat_map(|node| {
         let arm = (position(node) - center) / size;
         let components = (0..3).filter(move |&component| prescribed[node as usize][component]);
-        components.map(move |component| equation(component, arm))
+        let held = components.map(|component| Vector3::ith(component, 1.0));
+        let supported = springs.get(&node).into_iter().flatten().copied();
+        held.chain(supported).map(move |direction| equation(direction, arm))
     });
     let equations: Vec<Vector6<f64>> = equations.collect();
     // The threshold exceeds the rounding error of the arms.
@@ -86,10 +104,9 @@ fn free_modes_of(mesh: &Mesh, part: &Part, prescribed: &[[bool; 3]]) -> Option<F
     (!modes.is_empty()).then(|| FreeModes::new(center, size, &modes))
 }
 
-/// Returns the coefficients of `v` and `w` in the displacement component `e . (v + w x arm)` of a node at `arm` from
+/// Returns the coefficients of `v` and `w` in the displacement `direction . (v + w x arm)` of a node at `arm` from
 /// the center.
-fn equation(component: usize, arm: Vector3<f64>) -> Vector6<f64> {
-    let direction = Vector3::ith(component, 1.0);
+fn equation(direction: Vector3<f64>, arm: Vector3<f64>) -> Vector6<f64> {
     let moment = arm.cross(&direction);
     Vector6::new(direction.x, direction.y, direction.z, moment.x, moment.y, moment.z)
 }

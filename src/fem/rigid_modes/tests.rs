@@ -1,4 +1,7 @@
+use std::sync::Arc;
+
 use super::*;
+use crate::fem::boundary::{Boundary, Conditions, Foundation};
 use crate::fem::mesh::shapes;
 
 /// Returns the error message for a box of 1 by 2 by 3 m with these prescribed components.
@@ -9,7 +12,7 @@ fn said(held: impl Fn([f64; 3]) -> [bool; 3]) -> String {
 
 fn said_of(mesh: &Mesh, held: impl Fn([f64; 3]) -> [bool; 3]) -> String {
     let prescribed: Vec<[bool; 3]> = mesh.nodes().iter().map(|&x| held(x)).collect();
-    check(mesh, &prescribed).map_or_else(|error| error.to_string(), |()| String::new())
+    check(mesh, &prescribed, []).map_or_else(|error| error.to_string(), |()| String::new())
 }
 
 const ALL: [bool; 3] = [true; 3];
@@ -54,6 +57,22 @@ fn free_rotations_are_named_with_their_axis() {
 }
 
 #[test]
+fn springs_support() {
+    let mesh = shapes::cuboid([2, 2, 2], [1.0, 2.0, 3.0]).unwrap();
+    let free = vec![NONE; mesh.nodes().len()];
+    let on = |normal, tangential| {
+        let foundation = Foundation { surface: "x0".into(), normal, tangential };
+        let conditions = Conditions { loads: vec![Arc::new(foundation)], ..Conditions::default() };
+        let boundary = Boundary::new(&mesh, &conditions).unwrap();
+        check(&mesh, &free, boundary.supports()).map_or_else(|error| error.to_string(), |()| String::new())
+    };
+    assert_eq!(on(1.0, 1.0), "");
+    assert_eq!(on(2.0, 0.0), "the body is free to move along y and z and to rotate about x");
+    assert!(on(0.0, 0.1).contains("free to move along x"), "{}", on(0.0, 0.1));
+    assert_eq!(on(0.0, 0.0), said(|_| NONE));
+}
+
+#[test]
 fn every_part_must_be_constrained() {
     let one = shapes::cuboid([1, 1, 1], [1.0; 3]).unwrap();
     let count = one.nodes().len() as u32;
@@ -86,9 +105,10 @@ fn free_modes_leave_prescribed_components_in_place() {
         let prescribed = &prescribed;
         let held = |node: usize| (0..3).filter(move |&i| prescribed[node][i]).collect::<Vec<usize>>();
         let rows = (0..8).flat_map(|node| held(node).into_iter().map(move |i| (node, i)));
-        let rows: Vec<Vector6<f64>> = rows.map(|(node, i)| equation(i, mesh.nodes()[node].into())).collect();
+        let rows: Vec<Vector6<f64>> =
+            rows.map(|(node, i)| equation(Vector3::ith(i, 1.0), mesh.nodes()[node].into())).collect();
         let rank = if rows.is_empty() { 0 } else { DMatrix::from_fn(rows.len(), 6, |i, j| rows[i][j]).rank(1e-9) };
-        let Err(error) = check(&mesh, prescribed) else {
+        let Err(error) = check(&mesh, prescribed, []) else {
             assert_eq!(rank, 6, "{prescribed:?}");
             continue;
         };

@@ -147,7 +147,7 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
         let boundary = Boundary::new(&mesh, conditions)?;
         let geometry = assembly::geometry(&mesh)?;
         let prescribed = boundary.prescribed_mask(mesh.nodes().len());
-        rigid_modes::check(&mesh, &prescribed)?;
+        rigid_modes::check(&mesh, &prescribed, boundary.supports())?;
         let unknowns = Unknowns::in_order(order, |node, component| prescribed[node][component])?;
         let pattern = Arc::new(unknowns.pattern(&mesh)?);
         let elements = if mesh.patches().is_empty() { params.solver.symmetry } else { Symmetry::None };

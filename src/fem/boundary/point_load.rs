@@ -1,0 +1,56 @@
+//! Concentrated forces on nodes.
+
+use super::{BoundaryError, Load, LoadCondition, LoadCurve, PointLocation, Source, check_finite, find_node};
+use crate::fem::mesh::Mesh;
+
+/// A force on the node of a point condition, whose direction and magnitude do not follow the deformation.
+///
+/// The displacement under a concentrated force grows without bound as the mesh is refined; a traction on a small
+/// surface does not have this defect.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PointLoad {
+    /// The point condition to which the force is assigned: index into
+    /// [`Conditions::points`](super::Conditions::points).
+    pub point: usize,
+    /// The node, that of the point condition.
+    pub place: PointLocation,
+    /// The force at a factor of 1, N.
+    pub value: [f64; 3],
+    /// The factor over pseudo-time.
+    pub curve: LoadCurve,
+}
+
+#[derive(Debug)]
+struct Concentrated {
+    point: usize,
+    node: u32,
+    value: [f64; 3],
+    curve: LoadCurve,
+}
+
+impl LoadCondition for PointLoad {
+    fn resolve(&self, mesh: &Mesh) -> Result<Box<dyn Load>, BoundaryError> {
+        let node = find_node(mesh, self.point, self.place)?;
+        check_finite(|| Source::Point(self.point).describe(mesh), &self.value)?;
+        Ok(Box::new(Concentrated { point: self.point, node, value: self.value, curve: self.curve.clone() }))
+    }
+}
+
+impl Load for Concentrated {
+    fn add_forces(&self, t: f64, displacements: &[[f64; 3]], forces: &mut [[f64; 3]]) {
+        let force = self.resultant(t, displacements);
+        forces[self.node as usize].iter_mut().zip(force).for_each(|(sum, force)| *sum += force);
+    }
+
+    fn resultant(&self, t: f64, _: &[[f64; 3]]) -> [f64; 3] {
+        self.value.map(|value| value * self.curve.factor(t))
+    }
+
+    fn break_points(&self) -> Vec<f64> {
+        self.curve.break_points()
+    }
+
+    fn source(&self) -> Option<Source> {
+        Some(Source::Point(self.point))
+    }
+}

@@ -1,0 +1,95 @@
+//! Runs with every kind of load: pressure, elastic foundation, forces on nodes; adaptive increments.
+
+use std::path::Path;
+
+use biotissue::app::results::Loads;
+use biotissue::app::results::log::{self, Event};
+
+use crate::line;
+
+const CONSTANTS: &str = "model = \"neo-hookean\", shear_modulus = 1000.0, poisson_ratio = 0.3";
+
+/// A box on springs, loaded by a pressure that rises and falls and by a force on a corner.
+fn case(material: &str, steps: &str) -> String {
+    format!(
+        r#"
+        [mesh]
+        generate = {{ shape = "box", cells = [2, 1, 1], size = [1.0, 0.5, 0.5] }}
+        [[region]]
+        name = "*"
+        material = {material}
+        [[boundary]]
+        surface = "x0"
+        foundation = {{ normal = 2.0e4, tangential = 5.0e3 }}
+        [[boundary]]
+        surface = "y1"
+        pressure = 80.0
+        curve = [[0.0, 0.0], [0.3, 1.0], [1.0, 0.5]]
+        [[boundary]]
+        surface = "x1"
+        traction = [30.0, 0.0, 0.0]
+        [[point]]
+        at = [1.0, 0.5, 0.5]
+        force = [0.0, 0.0, 4.0]
+        [steps]
+        count = 4
+        {steps}
+        "#
+    )
+}
+
+fn table(folder: &Path, run: &str) -> Loads {
+    Loads::read(&folder.join(run).join("loads.csv")).unwrap_or_else(|error| panic!("{error}"))
+}
+
+#[test]
+fn loads_that_follow_the_body_do_not_depend_on_ranks_rves_or_interruptions() {
+    for steps in ["", "adaptive = { target_iterations = 3, largest = 0.5 }"] {
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path();
+        let rve = format!("{{ model = \"fiber-rve\", networks = [], matrix = {{ {CONSTANTS} }} }}");
+        std::fs::write(folder.join("formula.toml"), case(&format!("{{ {CONSTANTS} }}"), steps)).unwrap();
+        std::fs::write(folder.join("rve.toml"), case(&rve, steps)).unwrap();
+        line(folder, "run formula.toml --out formula").done();
+        line(folder, "run formula/case.toml --out written").done();
+        line(folder, "run rve.toml --out rve --ranks 3").done();
+        line(folder, "run rve.toml --out parts").done();
+        std::fs::remove_file(folder.join("parts/checkpoint/step-00004.bin")).unwrap();
+        line(folder, "run rve.toml --out parts --resume").done();
+        let read = |run: &str| std::fs::read_to_string(folder.join(run).join("loads.csv")).unwrap();
+        for other in ["written", "rve", "parts"] {
+            assert_eq!(read(other), read("formula"), "{other}, {steps}");
+        }
+
+        let found = table(folder, "formula");
+        let last = found.rows.last().unwrap();
+        let column = |name: &str| found.surfaces.iter().position(|surface| surface == name).unwrap();
+        let force = |name: &str| last.surfaces[column(name)].force;
+        // The dead loads: 30 Pa on 0.25 m^2, and 4 N.
+        assert!((force("x1")[0] - 7.5).abs() < 1e-12 && last.points[0] == [0.0, 0.0, 4.0]);
+        // At the end, 40 Pa press on 0.5 m^2, whose normal has hardly turned.
+        assert!((force("y1")[1] + 20.0).abs() < 1.0, "{:?}", force("y1"));
+        // The springs carry all loads.
+        let held: [f64; 3] = std::array::from_fn(|i| force("x1")[i] + force("y1")[i] + last.points[0][i]);
+        for (spring, load) in force("x0").iter().zip(held) {
+            assert!((spring + load).abs() < 1e-6, "{spring} {load}");
+        }
+        let steps: Vec<log::Step> = log::read(&folder.join("formula/log.jsonl"))
+            .unwrap()
+            .into_iter()
+            .filter_map(|event| if let Event::Step(step) = event { Some(step) } else { None })
+            .collect();
+        assert!(steps.iter().all(|step| step.balance.relative < 1e-7));
+        // The pressure peaks inside the second step.
+        assert!(steps[1].increments >= 2, "{:?}", steps[1]);
+    }
+}
+
+#[test]
+fn a_body_that_nothing_supports_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = case(&format!("{{ {CONSTANTS} }}"), "").replace("tangential = 5.0e3", "tangential = 0.0");
+    std::fs::write(folder.path().join("case.toml"), text).unwrap();
+    let refused = line(folder.path(), "check case.toml");
+    assert!(refused.failed(2).contains("free to move along y and z and to rotate about x"), "{}", refused.stderr);
+}
