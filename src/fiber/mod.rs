@@ -20,5 +20,6 @@ pub mod orientation;
 pub mod rve;
 mod simd;
 pub mod stiffness;
+pub mod stress_gradient;
 pub mod truss;
 pub mod workspace;

@@ -66,6 +66,8 @@ fn the_json_object_has_the_documented_keys() {
         "scale",
         "seconds",
         "stable",
+        "stress_gradient",
+        "stress_gradient_undefined",
         "stretch",
         "tangent",
     ];
@@ -119,7 +121,7 @@ fn the_text_contains_the_same_numbers_as_the_json() {
     let pk1: [[f64; 3]; 3] = matrix(&json(STRETCH, "")["pk1"]);
     assert!(text.starts_with("network      127 nodes, 151 fibers, "), "{text}");
     assert!(text.contains(&format!("{:.8e}", pk1[0][0])), "{text}");
-    assert_eq!(text.lines().count(), 5 + 9 + 1 + 9 + 3, "{text}");
+    assert_eq!(text.lines().count(), 5 + 9 + 1 + 9 + 4, "{text}");
 }
 
 #[test]

@@ -29,6 +29,8 @@ mod rigidity;
 #[cfg(all(feature = "sparse", feature = "generate"))]
 mod stability;
 #[cfg(all(feature = "sparse", feature = "dense"))]
+mod stress_gradient;
+#[cfg(all(feature = "sparse", feature = "dense"))]
 mod tangent;
 #[cfg(feature = "generate")]
 mod truss;

@@ -7,6 +7,7 @@ use nalgebra::Matrix3;
 use super::report::{EquilibriumReport, RveError};
 use crate::fiber::homogenize::{self, Tangent};
 use crate::fiber::rve::{Rve, RveModel};
+use crate::fiber::stress_gradient::{StressGradient, stress_gradient};
 use crate::fiber::truss::FiberStates;
 use crate::fiber::workspace::Workspace;
 use crate::las::{Backend, RealBackend};
@@ -77,6 +78,16 @@ impl<'a, B: RealBackend> EquilibriumState<'a, B> {
     /// Strain energy `W = kappa sum_f A L integral_1^lambda s` per reference volume, in J/m^3.
     pub fn energy(&self) -> f64 {
         self.model.scale() * self.model.truss().energy(self.workspace.states())
+    }
+
+    /// The term `Q` of the volume-averaged balance of momentum, a body force that the macro scale does not apply; see
+    /// [`stress_gradient`](crate::fiber::stress_gradient).
+    ///
+    /// # Errors
+    /// Returns [`RveError::Inverted`] if `F` has no inverse.
+    pub fn stress_gradient(&self) -> Result<StressGradient, RveError<B::Error>> {
+        let f = self.rve.gradient();
+        stress_gradient(self.model, f, self.workspace).ok_or(RveError::Inverted(f.determinant()))
     }
 
     /// The consistent tangent `A = dP/dF` of the network after static condensation of its interior, in Pa.

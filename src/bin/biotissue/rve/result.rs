@@ -48,6 +48,10 @@ pub struct State {
     pub cauchy: [[f64; 3]; 3],
     pub tangent: Vec<[f64; 9]>,
     pub energy: f64,
+    /// The stress-gradient term `Q`, Pa/m; null if loaded fibers lie in faces.
+    pub stress_gradient: Option<[f64; 3]>,
+    /// Number of such fibers.
+    pub stress_gradient_undefined: usize,
     pub stretch: Stretch,
     pub orientation: Orientation,
 }
@@ -215,6 +219,12 @@ impl State {
             let _ = writeln!(out, "  {}", cells.join(" "));
         }
         let _ = writeln!(out, "energy       {:.8e} J/m^3", self.energy);
+        let _ = match self.stress_gradient {
+            Some([x, y, z]) => writeln!(out, "Q (Pa/m)     {x:>16.8e} {y:>16.8e} {z:>16.8e}"),
+            None => {
+                writeln!(out, "Q            undefined: {} loaded fibers lie in faces", self.stress_gradient_undefined)
+            }
+        };
         let _ = writeln!(out, "stretch      {:.6} to {:.6}", self.stretch.min, self.stretch.max);
     }
 }

@@ -9,6 +9,7 @@ use biotissue::fiber::law::FiberMaterial;
 use biotissue::fiber::network::Network;
 use biotissue::fiber::orientation::{Weighting, tensor};
 use biotissue::fiber::rve::{Rve, RveModel, StressScale};
+use biotissue::fiber::stress_gradient::StressGradient;
 use biotissue::fiber::workspace::Workspace;
 use biotissue::las::NewtonReport;
 use biotissue::tensor::{cauchy, rows};
@@ -120,6 +121,10 @@ impl RveJob {
         let (gradient, params) = (*rve.gradient(), self.params.with_stages(Stages::default()));
         let mut solved = equilibrate(model, rve, &gradient, &params, workspace)?;
         let (pk1, tangent, energy) = (solved.pk1(), solved.tangent()?, solved.energy());
+        let (stress_gradient, stress_gradient_undefined) = match solved.stress_gradient()? {
+            StressGradient::Defined(value) => (Some(value), 0),
+            StressGradient::FibersInFaces(count) => (None, count),
+        };
         let states = solved.states();
         let stretch = states.stretches.iter().fold(Stretch { min: f64::INFINITY, max: 0.0 }, |range, &stretch| {
             Stretch { min: range.min.min(stretch), max: range.max.max(stretch) }
@@ -133,6 +138,8 @@ impl RveJob {
             cauchy: rows(&cauchy(&pk1, &gradient)),
             tangent: tangent_rows(&tangent),
             energy,
+            stress_gradient,
+            stress_gradient_undefined,
             stretch,
             orientation: Orientation { reference, current },
         })
