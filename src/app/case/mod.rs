@@ -58,8 +58,8 @@
 //! [steps]
 //! count = 20                               # default 10
 //! max_cuts = 6                             # default; how many times a failing step may be halved
-//! adaptive = false                         # default; true, or for example
-//! # adaptive = { target_iterations = 8, largest = 1.0, smallest = 0.015625 }   # lengths in steps; replaces `max_cuts`
+//! adaptive = false                         # default; true, or { target_iterations = 8, largest = 1.0, smallest = 0.015625 }
+//!                                          ## (lengths in steps), which replaces `max_cuts`
 //!
 //! [newton]                                 # the macro scale, with its defaults
 //! tolerance = 1e-8                         # of the residual, relative to the forces
