@@ -226,6 +226,8 @@ fn loads(case: &Case, edge: f64, softest: Option<&Stiffness>) -> Vec<Load> {
 /// The largest absolute factor of a curve.
 fn peak(curve: &LoadCurve) -> f64 {
     match curve {
+        // The magnitude of a function is not known.
+        LoadCurve::Function(_) => 0.0,
         LoadCurve::Ramp => 1.0,
         LoadCurve::Table(table) => table.points().iter().fold(0.0, |most: f64, [_, factor]| most.max(factor.abs())),
     }

@@ -112,7 +112,7 @@ impl Foundation {
     fn spring(on: &FacetsWithLoad<Self>, t: f64, facet: usize, a: usize, b: usize) -> f64 {
         let [x, y, z] = on.positions[facet].map(Vector3::from);
         let area = 0.5 * (y - x).cross(&(z - x)).norm();
-        let modulus = on.load.modulus * on.load.curve.factor(t);
+        let modulus = on.load.modulus * on.load.curve.factor(t, [0.0; 3]);
         modulus * area / if a == b { 6.0 } else { 12.0 }
     }
 }
@@ -137,12 +137,12 @@ impl FacetLoad for Pressure {
     /// Returns a third of `-p a` for every node, with the current area vector `a = (x1 - x0) x (x2 - x0) / 2`.
     fn forces(on: &FacetsWithLoad<Self>, t: f64, facet: usize, u: &[[f64; 3]]) -> [Vector3<f64>; 3] {
         let [x, y, z] = on.corners(facet, u);
-        [(y - x).cross(&(z - x)) * (-on.load.value * on.load.curve.factor(t) / 6.0); 3]
+        [(y - x).cross(&(z - x)) * (-on.load.value * on.load.curve.factor(t, [0.0; 3]) / 6.0); 3]
     }
 
     fn blocks(on: &FacetsWithLoad<Self>, t: f64, facet: usize, u: &[[f64; 3]]) -> [[Matrix3<f64>; 3]; 3] {
         let [x, y, z] = on.corners(facet, u);
-        let factor = on.load.value * on.load.curve.factor(t) / 6.0;
+        let factor = on.load.value * on.load.curve.factor(t, [0.0; 3]) / 6.0;
         let (by_y, by_z) = ((x - z).cross_matrix() * factor, (y - x).cross_matrix() * factor);
         [[-by_y - by_z, by_y, by_z]; 3]
     }

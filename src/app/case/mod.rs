@@ -97,7 +97,7 @@
 //! assert!(file.warnings.is_empty());
 //! let element = ElementType::Tet4;
 //! assert_eq!(file.case.mesh, MeshSource::Box { cells: [4, 2, 2], size: [2.0, 1.0, 1.0], element });
-//! assert_eq!(file.case.boundaries[1].curve.factor(0.25), 0.5);
+//! assert_eq!(file.case.boundaries[1].curve.factor(0.25, [0.0; 3]), 0.5);
 //!
 //! let names = |list: &[&str]| list.iter().map(|name| name.to_string()).collect::<Vec<_>>();
 //! file.case.check_names(&names(&["body"]), &names(&["x0", "x1", "y0", "y1", "z0", "z1"]))?;

@@ -240,7 +240,8 @@ fn displacement(components: &[Option<f64>; 3]) -> Entry<'static> {
 
 fn curve(curve: &LoadCurve) -> Entry<'static> {
     match curve {
-        LoadCurve::Ramp => entry("curve", "ramp"),
+        // A case file has no functions.
+        LoadCurve::Ramp | LoadCurve::Function(_) => entry("curve", "ramp"),
         LoadCurve::Table(table) => entry("curve", table.points()),
     }
 }

@@ -1,22 +1,73 @@
-//! Load curves: factors over pseudo-time.
+//! Load curves: factors over pseudo-time, and over the position if a function gives them.
+
+use std::fmt::Debug;
+use std::sync::Arc;
 
 use thiserror::Error;
 
-/// A load factor as a function of pseudo-time `t` in `(0, 1]`.
+/// A load factor as a function of pseudo-time `t` in `(0, 1]` and of the reference position.
 ///
 /// ```
 /// use biotissue::fem::boundary::LoadCurve;
 ///
 /// let load_and_unload = LoadCurve::table(&[[0.0, 0.0], [0.5, 1.0], [1.0, 0.0]]).unwrap();
-/// assert_eq!((load_and_unload.factor(0.25), load_and_unload.factor(1.0)), (0.5, 0.0));
+/// let anywhere = [0.0; 3];
+/// assert_eq!((load_and_unload.factor(0.25, anywhere), load_and_unload.factor(1.0, anywhere)), (0.5, 0.0));
 /// ```
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default)]
 pub enum LoadCurve {
     /// `factor = t`.
     #[default]
     Ramp,
     /// Linear interpolation between points.
     Table(LoadTable),
+    /// Any function. Two curves are equal only if they share it.
+    Function(Arc<dyn LoadFunction>),
+}
+
+/// A load factor as a function of pseudo-time and position. A traction or pressure evaluates it at the integration points
+/// of faces, a prescribed displacement at nodes.
+///
+/// ```
+/// use std::sync::Arc;
+/// use biotissue::fem::boundary::{LoadCurve, LoadFunction, Traction};
+///
+/// /// The pressure of water at rest, whose level rises to `height`.
+/// #[derive(Debug)]
+/// struct Water {
+///     height: f64,
+/// }
+///
+/// impl LoadFunction for Water {
+///     fn factor(&self, t: f64, [_, _, z]: [f64; 3]) -> f64 {
+///         (t * self.height - z).max(0.0)
+///     }
+/// }
+///
+/// let curve = LoadCurve::Function(Arc::new(Water { height: 2.0 }));
+/// let wall = Traction { surface: "x1".into(), value: [-9.81e3, 0.0, 0.0], curve };
+/// assert_eq!(wall.curve.factor(0.5, [0.0, 0.0, 0.25]), 0.75);
+/// ```
+pub trait LoadFunction: Debug + Send + Sync {
+    /// Returns the factor at pseudo-time `t` and at a position in the reference state, m.
+    fn factor(&self, t: f64, x: [f64; 3]) -> f64;
+
+    /// Returns the pseudo-times at which the rate of the factor jumps; an increment ends exactly at each of them. The
+    /// default is none.
+    fn break_points(&self) -> Vec<f64> {
+        Vec::new()
+    }
+}
+
+impl PartialEq for LoadCurve {
+    fn eq(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Ramp, Self::Ramp) => true,
+            (Self::Table(one), Self::Table(other)) => one == other,
+            (Self::Function(one), Self::Function(other)) => Arc::ptr_eq(one, other),
+            _ => false,
+        }
+    }
 }
 
 /// `(t, factor)` points with strictly ascending `t`: linear between them, constant outside.
@@ -74,19 +125,21 @@ impl LoadCurve {
         Ok(Self::Table(LoadTable { points: points.to_vec() }))
     }
 
-    /// Returns the pseudo-times at which the slope of the factor changes, ascending.
+    /// Returns the pseudo-times at which the rate of the factor jumps.
     pub fn break_points(&self) -> Vec<f64> {
         match self {
             Self::Ramp => Vec::new(),
             Self::Table(table) => table.points.iter().map(|point| point[0]).collect(),
+            Self::Function(function) => function.break_points(),
         }
     }
 
-    /// Returns the factor at pseudo-time `t`.
-    pub fn factor(&self, t: f64) -> f64 {
+    /// Returns the factor at pseudo-time `t` and at a position in the reference state, m.
+    pub fn factor(&self, t: f64, x: [f64; 3]) -> f64 {
         match self {
             Self::Ramp => t,
             Self::Table(table) => table.factor(t),
+            Self::Function(function) => function.factor(t, x),
         }
     }
 }
@@ -115,9 +168,9 @@ mod tests {
     fn tables_are_linear_between_and_constant_outside() {
         let curve = LoadCurve::table(&[[0.2, 1.0], [0.4, 3.0], [1.0, 0.0]]).unwrap();
         for (t, expected) in [(0.0, 1.0), (0.2, 1.0), (0.3, 2.0), (0.4, 3.0), (0.7, 1.5), (1.0, 0.0), (2.0, 0.0)] {
-            assert!((curve.factor(t) - expected).abs() < 1e-15, "{t}");
+            assert!((curve.factor(t, [0.0; 3]) - expected).abs() < 1e-15, "{t}");
         }
-        assert_eq!(LoadCurve::Ramp.factor(0.3), 0.3);
+        assert_eq!(LoadCurve::Ramp.factor(0.3, [0.0; 3]), 0.3);
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::{BoundaryError, Load, LoadCondition, LoadCurve, Source, check_finite, find_surface};
+use super::{BoundaryError, Load, LoadCondition, LoadCurve, Source, check_finite, find_surface, position_at};
 use crate::fem::mesh::Mesh;
 
 /// A force per reference area of a surface, whose direction and magnitude do not follow the deformation.
@@ -27,14 +27,54 @@ pub struct BodyForce {
     pub curve: LoadCurve,
 }
 
-/// A load distributed over nodes: the force on node `a` is `weight_a * value * factor(t)`.
+/// A load distributed over nodes: the force on node `a` is `sum weight_a * value * factor(t, x)`.
 #[derive(Clone, Debug, PartialEq)]
 struct NodalLoad {
     surface: Option<usize>,
-    /// Nodes with their part of the area, m^2, or volume, m^3; ascending by node.
-    weights: Vec<(u32, f64)>,
+    /// One place if the factor does not depend on the position, otherwise the integration points.
+    places: Vec<Place>,
     value: [f64; 3],
     curve: LoadCurve,
+}
+
+/// A position with the nodes that its load acts on.
+#[derive(Clone, Debug, Default, PartialEq)]
+struct Place {
+    /// In the reference state, m.
+    position: [f64; 3],
+    /// Nodes with their part of the area, m^2, or volume, m^3.
+    weights: Vec<(u32, f64)>,
+}
+
+/// Collects the parts of area or volume, each node's in one number if the factor is the same at all places.
+struct Places<'a> {
+    curve: &'a LoadCurve,
+    sums: BTreeMap<u32, f64>,
+    places: Vec<Place>,
+}
+
+impl<'a> Places<'a> {
+    fn new(curve: &'a LoadCurve) -> Self {
+        Self { curve, sums: BTreeMap::new(), places: Vec::new() }
+    }
+
+    /// Adds an integration point with this area or volume, given the values of the shape functions there.
+    fn add(&mut self, nodes: &[u32], positions: &[[f64; 3]], values: &[f64], measure: f64) {
+        let weights = nodes.iter().zip(values).map(|(&node, value)| (node, value * measure));
+        if let LoadCurve::Function(_) = self.curve {
+            let position = position_at(positions.iter().copied(), values);
+            self.places.push(Place { position, weights: weights.collect() });
+        } else {
+            weights.for_each(|(node, weight)| *self.sums.entry(node).or_insert(0.0) += weight);
+        }
+    }
+
+    fn load(mut self, surface: Option<usize>, value: [f64; 3]) -> NodalLoad {
+        if !self.sums.is_empty() {
+            self.places.push(Place { position: [0.0; 3], weights: self.sums.into_iter().collect() });
+        }
+        NodalLoad { surface, places: self.places, value, curve: self.curve.clone() }
+    }
 }
 
 impl LoadCondition for Traction {
@@ -42,13 +82,14 @@ impl LoadCondition for Traction {
     fn resolve(&self, mesh: &Mesh) -> Result<Box<dyn Load>, BoundaryError> {
         let (number, surface) = find_surface(mesh, &self.surface)?;
         check_finite(|| format!("surface `{}`", self.surface), &self.value)?;
-        let mut weights = BTreeMap::new();
+        let mut places = Places::new(&self.curve);
         for (face_type, nodes) in surface.faces.typed() {
-            face_type.integrate(&mesh.positions_of(nodes), |values, [x, y, z]| {
-                add_weights(&mut weights, nodes, values, (x * x + y * y + z * z).sqrt());
+            let positions = mesh.positions_of(nodes);
+            face_type.integrate(&positions, |values, [x, y, z]| {
+                places.add(nodes, &positions, values, (x * x + y * y + z * z).sqrt());
             });
         }
-        Ok(Box::new(NodalLoad::new(Some(number), weights, self.value, &self.curve)))
+        Ok(Box::new(places.load(Some(number), self.value)))
     }
 }
 
@@ -63,49 +104,42 @@ impl LoadCondition for BodyForce {
                 known: mesh.regions().to_vec(),
             })?),
         };
-        let mut weights = BTreeMap::new();
+        let mut places = Places::new(&self.curve);
         for ((element_type, nodes), &of) in mesh.elements().typed().zip(mesh.region_of()) {
             if region.is_none_or(|region| region == of) {
-                element_type.integrate(&mesh.positions_of(nodes), |values, volume| {
-                    add_weights(&mut weights, nodes, values, volume);
-                });
+                let positions = mesh.positions_of(nodes);
+                element_type.integrate(&positions, |values, volume| places.add(nodes, &positions, values, volume));
             }
         }
-        Ok(Box::new(NodalLoad::new(None, weights, self.value, &self.curve)))
-    }
-}
-
-/// Adds to the weight of each node the value of its shape function times the area or volume of an integration point.
-fn add_weights(weights: &mut BTreeMap<u32, f64>, nodes: &[u32], values: &[f64], measure: f64) {
-    for (&node, value) in nodes.iter().zip(values) {
-        *weights.entry(node).or_insert(0.0) += value * measure;
+        Ok(Box::new(places.load(None, self.value)))
     }
 }
 
 impl NodalLoad {
-    fn new(surface: Option<usize>, weights: BTreeMap<u32, f64>, value: [f64; 3], curve: &LoadCurve) -> Self {
-        Self { surface, weights: weights.into_iter().collect(), value, curve: curve.clone() }
-    }
-
-    fn force_density(&self, t: f64) -> [f64; 3] {
-        let factor = self.curve.factor(t);
+    fn force_density(&self, t: f64, place: &Place) -> [f64; 3] {
+        let factor = self.curve.factor(t, place.position);
         self.value.map(|value| value * factor)
     }
 }
 
 impl Load for NodalLoad {
     fn add_forces(&self, t: f64, _: &[[f64; 3]], forces: &mut [[f64; 3]]) {
-        let density = self.force_density(t);
-        for &(node, weight) in &self.weights {
-            for (sum, density) in forces[node as usize].iter_mut().zip(density) {
-                *sum += weight * density;
+        for place in &self.places {
+            let density = self.force_density(t, place);
+            for &(node, weight) in &place.weights {
+                for (sum, density) in forces[node as usize].iter_mut().zip(density) {
+                    *sum += weight * density;
+                }
             }
         }
     }
 
     fn resultant(&self, t: f64, _: &[[f64; 3]]) -> [f64; 3] {
-        let total: f64 = self.weights.iter().map(|(_, weight)| weight).sum();
-        self.force_density(t).map(|density| total * density)
+        self.places.iter().fold([0.0; 3], |sum, place| {
+            let total: f64 = place.weights.iter().map(|(_, weight)| weight).sum();
+            let density = self.force_density(t, place);
+            std::array::from_fn(|i| sum[i] + total * density[i])
+        })
     }
 
     fn break_points(&self) -> Vec<f64> {

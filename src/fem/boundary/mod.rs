@@ -20,7 +20,7 @@ mod prescribed;
 mod pressure;
 
 pub use conditions::{Conditions, PointCondition, PointLocation, SurfaceCondition};
-pub use curve::{CurveError, LoadCurve, LoadTable};
+pub use curve::{CurveError, LoadCurve, LoadFunction, LoadTable};
 pub use dead::{BodyForce, Traction};
 pub use error::BoundaryError;
 pub use foundation::Foundation;
@@ -170,6 +170,11 @@ fn check_finite(place: impl FnOnce() -> String, values: &[f64]) -> Result<(), Bo
         Some(&value) => Err(BoundaryError::NotFinite { place: place(), value }),
         None => Ok(()),
     }
+}
+
+/// Returns the position at which the shape functions of nodes at `positions` have these values.
+fn position_at(positions: impl Iterator<Item = [f64; 3]>, values: &[f64]) -> [f64; 3] {
+    positions.zip(values).fold([0.0; 3], |sum, (x, value)| std::array::from_fn(|i| sum[i] + value * x[i]))
 }
 
 /// Returns the surface of this name and its index in [`Mesh::surfaces`], for implementations of [`LoadCondition`].

@@ -24,6 +24,8 @@ pub struct PointLoad {
 struct Concentrated {
     point: usize,
     node: u32,
+    /// The reference position of the node, m.
+    position: [f64; 3],
     value: [f64; 3],
     curve: LoadCurve,
 }
@@ -32,7 +34,8 @@ impl LoadCondition for PointLoad {
     fn resolve(&self, mesh: &Mesh) -> Result<Box<dyn Load>, BoundaryError> {
         let node = find_node(mesh, self.point, self.place)?;
         check_finite(|| Source::Point(self.point).describe(mesh), &self.value)?;
-        Ok(Box::new(Concentrated { point: self.point, node, value: self.value, curve: self.curve.clone() }))
+        let (position, curve) = (mesh.nodes()[node as usize], self.curve.clone());
+        Ok(Box::new(Concentrated { point: self.point, node, position, value: self.value, curve }))
     }
 }
 
@@ -43,7 +46,7 @@ impl Load for Concentrated {
     }
 
     fn resultant(&self, t: f64, _: &[[f64; 3]]) -> [f64; 3] {
-        self.value.map(|value| value * self.curve.factor(t))
+        self.value.map(|value| value * self.curve.factor(t, self.position))
     }
 
     fn break_points(&self) -> Vec<f64> {

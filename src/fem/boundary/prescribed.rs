@@ -26,13 +26,15 @@ pub struct PrescribedComponent {
     pub value: f64,
     /// The condition that prescribes the component.
     pub source: Source,
+    /// The reference position of the node, m.
+    position: [f64; 3],
     curve: Arc<LoadCurve>,
 }
 
 impl PrescribedComponent {
     /// Returns the displacement at pseudo-time `t`, m.
     pub fn displacement(&self, t: f64) -> f64 {
-        self.value * self.curve.factor(t)
+        self.value * self.curve.factor(t, self.position)
     }
 
     /// Returns the pseudo-times at which the velocity jumps; none for a component that is held at 0.
@@ -65,7 +67,11 @@ impl<'m> PrescribedCollector<'m> {
             let Some(value) = *value else { continue };
             check_finite(|| source.describe(self.mesh), &[value])?;
             for &node in nodes {
-                self.insert(PrescribedComponent { node, component, value, source, curve: Arc::clone(&curve) })?;
+                let (position, curve) = (self.mesh.nodes()[node as usize], Arc::clone(&curve));
+                let prescribed = PrescribedComponent { node, component, value, source, position, curve };
+                let start = prescribed.displacement(0.0);
+                check_finite(|| source.describe(self.mesh), &[start, prescribed.displacement(1.0)])?;
+                self.insert(prescribed)?;
             }
         }
         Ok(())

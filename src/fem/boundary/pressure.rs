@@ -4,7 +4,9 @@ use std::collections::HashMap;
 
 use nalgebra::Vector3;
 
-use super::{BoundaryError, CoupledNodes, Load, LoadCondition, LoadCurve, Source, check_finite, find_surface};
+use super::{
+    BoundaryError, CoupledNodes, Load, LoadCondition, LoadCurve, Source, check_finite, find_surface, position_at,
+};
 use crate::fem::element::CellType;
 use crate::fem::mesh::{Faces, Mesh};
 use crate::las::Symmetry;
@@ -75,16 +77,18 @@ impl FollowerPressure {
         nodes.iter().map(|&node| at(node as usize)).collect()
     }
 
-    fn pressure(&self, t: f64) -> f64 {
-        self.value * self.curve.factor(t)
+    /// Returns the pressure at a point of a face, given the values of the shape functions there, Pa.
+    fn pressure(&self, t: f64, nodes: &[u32], values: &[f64]) -> f64 {
+        let positions = nodes.iter().map(|&node| self.positions[node as usize]);
+        self.value * self.curve.factor(t, position_at(positions, values))
     }
 }
 
 impl Load for FollowerPressure {
     fn add_forces(&self, t: f64, displacements: &[[f64; 3]], forces: &mut [[f64; 3]]) {
-        let pressure = self.pressure(t);
         for (face_type, nodes) in self.faces.typed() {
             face_type.integrate(&self.current(nodes, displacements), |values, area| {
+                let pressure = self.pressure(t, nodes, values);
                 for (&node, value) in nodes.iter().zip(values) {
                     forces[node as usize].iter_mut().zip(area).for_each(|(force, a)| *force -= pressure * value * a);
                 }
@@ -95,11 +99,12 @@ impl Load for FollowerPressure {
     fn resultant(&self, t: f64, displacements: &[[f64; 3]]) -> [f64; 3] {
         let mut sum = [0.0; 3];
         for (face_type, nodes) in self.faces.typed() {
-            face_type.integrate(&self.current(nodes, displacements), |_, area| {
-                sum.iter_mut().zip(area).for_each(|(sum, area)| *sum += area);
+            face_type.integrate(&self.current(nodes, displacements), |values, area| {
+                let pressure = self.pressure(t, nodes, values);
+                sum.iter_mut().zip(area).for_each(|(sum, area)| *sum -= pressure * area);
             });
         }
-        sum.map(|area| -self.pressure(t) * area)
+        sum
     }
 
     fn break_points(&self) -> Vec<f64> {
@@ -122,8 +127,9 @@ impl Load for FollowerPressure {
 
     fn add_stiffness(&self, t: f64, displacements: &[[f64; 3]], group: usize, block: &mut [f64]) {
         let Some((face_type, nodes)) = self.faces.get(group) else { return };
-        let (pressure, columns) = (self.pressure(t), 3 * nodes.len());
+        let columns = 3 * nodes.len();
         face_type.integrate_tangents(&self.current(nodes, displacements), |values, gradients, tangents, weight| {
+            let pressure = self.pressure(t, nodes, values);
             let [first, second] = tangents.map(|tangent| Vector3::from(tangent).cross_matrix());
             for (b, [along_first, along_second]) in gradients.iter().enumerate() {
                 let turned = (first * *along_second - second * *along_first) * (pressure * weight);

@@ -160,3 +160,55 @@ fn loads_couple_only_nodes_of_one_element_and_weaken_the_symmetry() {
     let dead = Boundary::new(&mesh, &Conditions { loads: vec![pulled_at("x1", [1.0; 3])], ..Conditions::default() });
     assert_eq!(dead.unwrap().symmetry(Symmetry::Definite), Symmetry::Definite);
 }
+
+/// `t (1 + x y)`, with a jump of its rate.
+#[derive(Debug)]
+struct Saddle;
+
+impl LoadFunction for Saddle {
+    fn factor(&self, t: f64, [x, y, _]: [f64; 3]) -> f64 {
+        t * (1.0 + x * y)
+    }
+
+    fn break_points(&self) -> Vec<f64> {
+        vec![0.25]
+    }
+}
+
+#[test]
+fn functions_of_the_position_are_integrated_over_surfaces_and_regions() {
+    let mesh = box_2x1x1();
+    let curve = LoadCurve::Function(Arc::new(Saddle));
+    let loads: Vec<Arc<dyn LoadCondition>> = vec![
+        Arc::new(Traction { surface: "z1".into(), value: [3.0, 0.0, 0.0], curve: curve.clone() }),
+        Arc::new(Pressure { surface: "z1".into(), value: 4.0, curve: curve.clone() }),
+        Arc::new(BodyForce { region: "*".into(), value: [0.0, 5.0, 0.0], curve: curve.clone() }),
+        Arc::new(PointLoad {
+            point: 0,
+            place: PointLocation::Nearest([2.0, 1.0, 0.0]),
+            value: [0.0, 0.0, 7.0],
+            curve: curve.clone(),
+        }),
+    ];
+    let clamp = SurfaceCondition { surface: "x1".into(), displacement: [Some(0.1), None, None], curve: curve.clone() };
+    let conditions = Conditions { surfaces: vec![clamp], loads, ..Conditions::default() };
+    let boundary = Boundary::new(&mesh, &conditions).unwrap();
+    assert_eq!(boundary.break_points(), [0.25]);
+    // The integral of 1 + x y over 2 by 1 by 1 is 3.
+    let zeros = vec![[0.0; 3]; mesh.nodes().len()];
+    let expected = [[4.5, 0.0, 0.0], [0.0, 0.0, -6.0], [0.0, 7.5, 0.0], [0.0, 0.0, 10.5]];
+    for (load, expected) in boundary.loads().iter().zip(expected) {
+        let mut forces = zeros.clone();
+        load.add_forces(0.5, &zeros, &mut forces);
+        let sum = forces.iter().fold([0.0; 3], |sum, f| std::array::from_fn(|i| sum[i] + f[i]));
+        for found in [sum, load.resultant(0.5, &zeros)] {
+            // One point per triangle or tetrahedron does not integrate x y exactly.
+            assert!((0..3).all(|i| (found[i] - expected[i]).abs() <= 0.06 * expected[i].abs()), "{found:?}");
+        }
+    }
+    let mut displacements = zeros;
+    boundary.apply_prescribed(0.5, &mut displacements);
+    for (x, u) in mesh.nodes().iter().zip(&displacements).filter(|(x, _)| x[0] == 2.0) {
+        assert!((u[0] - 0.05 * (1.0 + 2.0 * x[1])).abs() < 1e-15);
+    }
+}
