@@ -40,7 +40,7 @@
 //! pressure = 1.0e3                         # Pa of current area, normal to the deformed surface; presses on the body
 //!
 //! [[boundary]]
-//! surface = "left"
+//! surface = "y0"
 //! foundation = { normal = 1.0e8, tangential = 0.0 }   # springs, Pa/m of reference area; or one number for both
 //!
 //! [[point]]
