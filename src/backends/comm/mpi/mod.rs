@@ -121,9 +121,14 @@ fn end_all(reason: &str, code: i32) -> ! {
     let world = SimpleCommunicator::world();
     // A single write, because other ranks may print too.
     let _ = std::io::stderr().write_all(format!("rank {} ends all ranks: {reason}\n", world.rank()).as_bytes());
+    // The launcher of MPICH discards what it has not read when a rank aborts.
+    thread::sleep(TIME_TO_PRINT);
     // Other ranks may wait for this rank forever; only an abort ends them.
     world.abort(code)
 }
+
+/// The time for which a failing rank waits for the launcher to read its message.
+const TIME_TO_PRINT: Duration = Duration::from_millis(200);
 
 /// The exit code of a rank that panicked, as for any Rust program.
 const PANICKED: i32 = 101;
