@@ -1,7 +1,7 @@
 //! Boundary conditions: named [`Conditions`], resolved on a mesh into a [`Boundary`].
 //!
-//! A condition either prescribes displacements or is a [`Load`]. A new load is a new file that implements [`LoadCondition`] and [`Load`]; nothing else in [`fem`](crate::fem)
-//! depends on the kind of load.
+//! A condition either prescribes displacements or is a [`Load`]. A new load is a new file that implements
+//! [`LoadCondition`] and [`Load`]; nothing else in [`fem`](crate::fem) depends on the kind of load.
 //!
 //! # Shared nodes
 //! Two surfaces with prescribed displacements may share a node and prescribe the same component there. Equal values
