@@ -50,13 +50,13 @@ fn iteration(c: &mut Criterion, name: &str, fixed: impl Fn([f64; 3], usize) -> b
         b.iter(|| {
             assembler.internal_forces(&displacements, black_box(&responses.pk1), &mut forces);
             residual.zero().expect("serial");
-            assembler.scatter(&forces, &mut residual).expect("serial");
+            assembler.scatter(&mut forces, &[], &mut residual).expect("serial");
         });
     });
     group.bench_function("stiffness", |b| {
         b.iter(|| {
             matrix.zero().expect("serial");
-            assembler.stiffness(&displacements, black_box(&responses), &mut matrix).expect("serial");
+            assembler.stiffness(&displacements, &[], black_box(&responses), &mut matrix).expect("serial");
         });
     });
     let params = SolverParams::new(Symmetry::Definite);

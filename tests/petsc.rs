@@ -628,7 +628,7 @@ fn factored(
     let at_rest = NeoHookean { mu: 3.0, lambda: 5.0 }.evaluate(&Matrix3::identity()).unwrap().tangent;
     let mut responses = PointResponses::zeros(mesh.points().len());
     responses.tangent.fill(at_rest);
-    assembler.stiffness(&vec![[0.0; 3]; mesh.nodes().len()], &responses, &mut matrix).unwrap();
+    assembler.stiffness(&vec![[0.0; 3]; mesh.nodes().len()], &[], &responses, &mut matrix).unwrap();
     matrix.finish().unwrap();
     let symbolic = Petsc::analyze(context, &pattern, &SolverParams::new(symmetry)).unwrap();
     Petsc::solver(&symbolic).unwrap().factor(&matrix)

@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use super::case::{BodyForceCase, BoundaryCase, Case, MeshSource, PointPlace, QuadraticCase, SurfaceLoad};
+use super::case::{BodyForceCase, BoundaryCase, Case, MeshSource, PointPlace, QuadraticCase, RigidCase, SurfaceLoad};
 use super::vtu;
 use crate::fem::boundary::{
     BodyForce, Boundary, BoundaryError, Conditions, Foundation, LoadCondition, PointCondition, PointLoad,
-    PointLocation, Pressure, SurfaceCondition, Traction,
+    PointLocation, Pressure, RigidCondition, SurfaceCondition, Traction,
 };
 use crate::fem::mesh::shapes::{self, ShapeError};
 use crate::fem::mesh::{Mesh, MeshError, gmsh};
@@ -133,6 +133,23 @@ pub fn boundary(case: &Case, mesh: &Mesh, conditions: &Conditions) -> Result<Bou
             BoundaryError::UnknownRegion { .. } => {
                 (None, "a region of the mesh".into(), "choose one of these, or name it in the mesh as a physical group")
             }
+            BoundaryError::NotPlanar { surface, .. } => (
+                line_of(case, &format!("surface `{surface}`")),
+                "a plane surface, of any orientation".into(),
+                "name each plane of the surface as a physical group of its own",
+            ),
+            BoundaryError::PlaneConflict { other, .. } => (
+                line_of(case, other),
+                "displacements within the plane, or of 0".into(),
+                "leave the component out, or remove `symmetry` from the plane",
+            ),
+            BoundaryError::RigidConflict { rigid, .. } => (
+                line_of(case, rigid),
+                "nodes whose other conditions hold only components that the rigid surface holds: displacement 0 along them, and \
+                 rotation 0 about the other two axes"
+                    .into(),
+                "prescribe these components of `rigid`, or leave the nodes out of one of the two surfaces",
+            ),
             BoundaryError::NotInOneElement(_) => {
                 (None, "loads whose nodes belong to one element".into(), "correct the load")
             }
@@ -158,6 +175,7 @@ fn line_of(case: &Case, place: &str) -> Option<usize> {
 /// Returns the boundary conditions of a case, in meters and newtons.
 pub fn conditions(case: &Case) -> Conditions {
     let (mut surfaces, mut loads) = (Vec::new(), Vec::<Arc<dyn LoadCondition>>::new());
+    let (mut symmetry_planes, mut rigid) = (Vec::new(), Vec::new());
     for BoundaryCase { surface, load, curve, .. } in &case.boundaries {
         let (surface, curve) = (surface.clone(), curve.clone());
         match *load {
@@ -166,6 +184,11 @@ pub fn conditions(case: &Case) -> Conditions {
             SurfaceLoad::Pressure(value) => loads.push(Arc::new(Pressure { surface, value, curve })),
             SurfaceLoad::Foundation([normal, tangential]) => {
                 loads.push(Arc::new(Foundation { surface, normal, tangential }));
+            }
+            SurfaceLoad::Symmetry => symmetry_planes.push(surface),
+            SurfaceLoad::Rigid(RigidCase { reference, displacement, rotation }) => {
+                let reference = reference.map(|point| point.map(|x| x * case.mesh_scale));
+                rigid.push(RigidCondition { surface, reference, displacement, rotation, curve });
             }
         }
     }
@@ -186,7 +209,7 @@ pub fn conditions(case: &Case) -> Conditions {
     for BodyForceCase { region, value, curve, .. } in &case.body_forces {
         loads.push(Arc::new(BodyForce { region: region.clone(), value: *value, curve: curve.clone() }));
     }
-    Conditions { surfaces, points, loads }
+    Conditions { surfaces, points, loads, symmetry_planes, rigid, hold_free_modes: case.hold_free_modes }
 }
 
 /// Returns the parameters of load stepping of a case.

@@ -199,9 +199,23 @@ fn loads(case: &Case, edge: f64, softest: Option<&Stiffness>) -> Vec<Load> {
         );
         Some(Load { line, strain, message })
     };
+    let rotations = case.boundaries.iter().filter_map(|boundary| {
+        let SurfaceLoad::Rigid(rigid) = &boundary.load else { return None };
+        let most = peak(&boundary.curve) * rigid.rotation.iter().flatten().fold(0.0, |most: f64, r| most.max(r.abs()));
+        let message = format!(
+            "the rotation of surface \"{}\" is {} rad, {} turns: is it in rad?",
+            boundary.surface,
+            short(most),
+            short(most / std::f64::consts::TAU)
+        );
+        Some(Load { line: boundary.line, strain: most, message })
+    });
     let boundaries = case.boundaries.iter().filter_map(|boundary| {
         let place = format!("surface \"{}\"", boundary.surface);
         match &boundary.load {
+            SurfaceLoad::Rigid(rigid) => {
+                Some(displacement(boundary.line, &place, &rigid.displacement, &boundary.curve))
+            }
             SurfaceLoad::Displacement(components) => {
                 Some(displacement(boundary.line, &place, components, &boundary.curve))
             }
@@ -211,7 +225,7 @@ fn loads(case: &Case, edge: f64, softest: Option<&Stiffness>) -> Vec<Load> {
             SurfaceLoad::Pressure(value) => {
                 force(boundary.line, &format!("the pressure on {place}"), &[*value, 0.0, 0.0], None, &boundary.curve)
             }
-            SurfaceLoad::Foundation(_) => None,
+            SurfaceLoad::Foundation(_) | SurfaceLoad::Symmetry => None,
         }
     });
     let points =
@@ -220,7 +234,7 @@ fn loads(case: &Case, edge: f64, softest: Option<&Stiffness>) -> Vec<Load> {
         .body_forces
         .iter()
         .filter_map(|body| force(body.line, "the body force", &body.value, Some(edge), &body.curve));
-    boundaries.chain(points).chain(forces).collect()
+    boundaries.chain(rotations).chain(points).chain(forces).collect()
 }
 
 /// The largest absolute factor of a curve.

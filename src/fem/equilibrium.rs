@@ -8,13 +8,14 @@ use nalgebra::Matrix3;
 use thiserror::Error;
 
 use super::assembly::Assembler;
-use super::boundary::Boundary;
+use super::boundary::{Boundary, Source};
+use super::kinematics::RigidMotion;
 use super::mesh::Mesh;
 use super::point_field::{PointField, PointResponses};
 use super::reactions::BoundaryForces;
 use crate::las::{
-    Backend, Index, MatrixOps, NewtonSeconds, NewtonSystem, NonlinearProblem, RealBackend, ResidualScale, SolveError,
-    Solver, VectorOps,
+    Backend, MatrixOps, NewtonSeconds, NewtonSystem, NonlinearProblem, RealBackend, ResidualScale, SolveError, Solver,
+    VectorOps,
 };
 
 /// The reason why the body has no residual at a state, or why a state cannot be committed.
@@ -36,6 +37,16 @@ pub enum EquilibriumError<E, F> {
     /// of times that equilibrium was restored.
     #[error("points still change their material after equilibrium was restored {0} times at this load")]
     StillChanging(usize),
+    /// The loads do not balance, although the body has only the supports against free rigid-body modes.
+    #[error(
+        "the loads do not balance: a support against a rigid-body mode exerts {force:.3e} N (at most {limit:.3e} N are due to rounding and the tolerance)"
+    )]
+    UnbalancedLoads {
+        /// The largest force component, N.
+        force: f64,
+        /// The largest one that the residual explains, N.
+        limit: f64,
+    },
     /// The trial state about to be committed is out of balance.
     #[error("the converged state is out of balance: |r| = {residual:.3e} N, but Newton stops at {limit:.3e} N")]
     OutOfBalance {
@@ -53,6 +64,8 @@ pub struct BodyState {
     pub t: f64,
     /// Displacements of the nodes, m.
     pub displacements: Vec<[f64; 3]>,
+    /// Motions of the rigid surfaces; the displacements of their nodes follow from them.
+    pub rigid: Vec<RigidMotion>,
     /// Deformation gradient of each point; in patches of elements, that of the F-bar method.
     pub gradients: Vec<Matrix3<f64>>,
     /// Energy, stress and tangent of each point.
@@ -64,11 +77,12 @@ pub struct BodyState {
 }
 
 impl BodyState {
-    fn undeformed(mesh: &Mesh) -> Self {
+    fn undeformed(mesh: &Mesh, boundary: &Boundary) -> Self {
         let (nodes, points) = (mesh.nodes().len(), mesh.points().len());
         Self {
             t: 0.0,
             displacements: vec![[0.0; 3]; nodes],
+            rigid: vec![RigidMotion::default(); boundary.kinematics().rigid_surfaces().len()],
             gradients: vec![Matrix3::identity(); points],
             responses: PointResponses::zeros(points),
             internal: vec![[0.0; 3]; nodes],
@@ -89,8 +103,8 @@ pub struct Equilibrium<B: Backend, P> {
     field: P,
     trial: BodyState,
     committed: BodyState,
-    /// Displacements to which [`NonlinearProblem::restore`] returns.
-    saved: Vec<[f64; 3]>,
+    /// Displacements and motions to which [`NonlinearProblem::restore`] returns.
+    saved: (Vec<[f64; 3]>, Vec<RigidMotion>),
     /// Work array for nodal forces or increments that are copied to or from a vector.
     nodal: Vec<[f64; 3]>,
     floor: f64,
@@ -108,12 +122,11 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
         assembler: Assembler<B>,
         field: P,
     ) -> Result<Self, EquilibriumError<P::Error, B::Error>> {
-        let trial = BodyState::undeformed(&mesh);
-        let zeros = trial.displacements.clone();
+        let trial = BodyState::undeformed(&mesh, &boundary);
         let mut body = Self {
             committed: trial.clone(),
-            saved: zeros.clone(),
-            nodal: zeros,
+            saved: (trial.displacements.clone(), trial.rigid.clone()),
+            nodal: trial.displacements.clone(),
             floor: 0.0,
             mesh,
             boundary,
@@ -154,8 +167,7 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
 
     /// Returns the surface and point forces on the body in the committed state.
     pub fn forces(&self) -> BoundaryForces {
-        let state = &self.committed;
-        BoundaryForces::new(&self.mesh, &self.boundary, state.t, &state.displacements, &state.internal, &state.external)
+        BoundaryForces::new(&self.mesh, &self.boundary, &self.committed)
     }
 
     /// Replaces the responses that do not continue the committed state by responses that do; see
@@ -184,8 +196,14 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
     pub fn commit(&mut self) -> Result<(), EquilibriumError<P::Error, B::Error>> {
         self.field.commit()?;
         std::mem::swap(&mut self.trial, &mut self.committed);
-        self.trial.displacements.copy_from_slice(&self.committed.displacements);
+        self.reset_displacements();
         Ok(())
+    }
+
+    /// Resets the trial displacements to the committed ones.
+    fn reset_displacements(&mut self) {
+        self.trial.displacements.copy_from_slice(&self.committed.displacements);
+        self.trial.rigid.copy_from_slice(&self.committed.rigid);
     }
 
     /// Checks that the forces of the trial state, as they are about to be committed and written, balance: the norm of
@@ -200,13 +218,34 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
         const FACTOR: f64 = 10.0;
         let trial = &mut self.trial;
         self.assembler.internal_forces(&trial.displacements, &trial.responses.pk1, &mut trial.internal);
-        let forces = self.trial.internal.as_flattened().iter().zip(self.trial.external.as_flattened());
-        let equations = self.assembler.equation_numbers().iter();
-        let free = equations.zip(forces).filter(|(equation, _)| equation.position().is_some());
-        let residual = free.map(|(_, (internal, external))| (internal - external).powi(2)).sum::<f64>().sqrt();
+        self.set_net_forces();
+        let residual = self.assembler.free_norm(&mut self.nodal, &self.trial.rigid);
         let limit = (tolerance * self.scale()).max(self.floor);
         // A NaN residual also fails.
-        if residual <= FACTOR * limit { Ok(()) } else { Err(EquilibriumError::OutOfBalance { residual, limit }) }
+        if residual <= FACTOR * limit {
+            self.check_supports(FACTOR * limit)
+        } else {
+            Err(EquilibriumError::OutOfBalance { residual, limit })
+        }
+    }
+
+    /// Checks that the supports against free rigid-body modes exert no force on the body. If the loads balance, these
+    /// forces are sums over all nodes of the residual, whose norm is at most `residual`.
+    fn check_supports(&self, residual: f64) -> Result<(), EquilibriumError<P::Error, B::Error>> {
+        let mut force: f64 = 0.0;
+        self.boundary.reactions(&self.trial.internal, &self.trial.external, |source, reaction| {
+            if source == Source::FreeMode {
+                force = reaction.iter().fold(force, |most, component| most.max(component.abs()));
+            }
+        });
+        // By the inequality of Cauchy and Schwarz; the factor allows for the lever arms of rotations.
+        let limit = 10.0 * residual * (self.trial.displacements.len() as f64).sqrt();
+        if force <= limit { Ok(()) } else { Err(EquilibriumError::UnbalancedLoads { force, limit }) }
+    }
+
+    /// Writes internal minus external forces of the trial state into the work array.
+    fn set_net_forces(&mut self) {
+        net_forces(&self.trial, &mut self.nodal);
     }
 
     /// Returns the scale of the residual of the trial state, N.
@@ -220,18 +259,21 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
     /// Returns [`EquilibriumError::PointField`] if the point field cannot revert.
     pub fn revert(&mut self) -> Result<(), EquilibriumError<P::Error, B::Error>> {
         self.trial.t = self.committed.t;
-        self.trial.displacements.copy_from_slice(&self.committed.displacements);
+        self.reset_displacements();
         Ok(self.field.revert()?)
     }
 
-    /// Commits the state with these displacements at pseudo-time `t`, independently of the previously committed one.
+    /// Commits the state with these displacements and motions at pseudo-time `t`, independently of the previously
+    /// committed one.
     pub(super) fn restore_at(
         &mut self,
         t: f64,
         displacements: &[[f64; 3]],
+        rigid: &[RigidMotion],
     ) -> Result<(), EquilibriumError<P::Error, B::Error>> {
         self.trial.t = t;
         self.trial.displacements.copy_from_slice(displacements);
+        self.trial.rigid.copy_from_slice(rigid);
         self.evaluate_external_forces();
         self.evaluate_points()?;
         self.commit()
@@ -241,8 +283,8 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
     /// the external forces of `t`.
     pub fn begin_step(&mut self, t: f64) {
         self.trial.t = t;
-        self.trial.displacements.copy_from_slice(&self.committed.displacements);
-        self.boundary.apply_prescribed(t, &mut self.trial.displacements);
+        self.reset_displacements();
+        self.boundary.apply_prescribed(t, &mut self.trial.displacements, &mut self.trial.rigid);
         self.evaluate_external_forces();
     }
 
@@ -268,7 +310,8 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
         {
             *force = std::array::from_fn(|i| external[i] - internal[i] - force[i]);
         }
-        self.scatter(&mut system.residual)?;
+        scatter(&self.assembler, &mut self.nodal, &self.committed.rigid, &mut system.residual)?;
+        net_forces(&self.committed, &mut self.nodal);
         let loaded = Instant::now();
         system.matrix.assemble(|k| self.add_tangent(&self.committed, t, k))?;
         let assembled = Instant::now();
@@ -290,10 +333,13 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
         self.boundary.external_forces(trial.t, &trial.displacements, &mut trial.external);
     }
 
-    /// Adds the tangent stiffness of the points and of the loads at pseudo-time `t` to `k`.
+    /// Adds the tangent stiffness of the points and of the loads at pseudo-time `t` to `k`, and that of the rigid surfaces
+    /// under the net forces in the work array.
     fn add_tangent(&self, state: &BodyState, t: f64, k: &mut B::Matrix) -> Result<(), B::Error> {
-        self.assembler.stiffness(&state.displacements, &state.responses, k)?;
-        self.assembler.load_stiffness(self.boundary.loads(), t, &state.displacements, k)
+        let BodyState { displacements, rigid, responses, .. } = state;
+        self.assembler.stiffness(displacements, rigid, responses, k)?;
+        self.assembler.load_stiffness(self.boundary.loads(), t, displacements, rigid, k)?;
+        self.assembler.rigid_stiffness(rigid, &self.nodal, k)
     }
 
     /// Evaluates stresses, tangents and internal forces of the trial state.
@@ -305,22 +351,28 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
         Ok(())
     }
 
-    /// Writes the nodal forces of the free unknowns into `r`.
-    fn scatter(&self, r: &mut B::Vector) -> Result<(), B::Error> {
-        r.zero()?;
-        self.assembler.scatter(&self.nodal, r)?;
-        r.finish()
-    }
-
     fn advance_displacements(&mut self, a: f64, direction: &B::Vector) -> Result<(), B::Error> {
-        // `get` does not write prescribed components; they stay at zero.
-        self.nodal.fill([0.0; 3]);
-        direction.get(self.assembler.equation_numbers(), self.nodal.as_flattened_mut())?;
-        let moved = self.trial.displacements.as_flattened_mut().iter_mut();
-        for (u, d) in moved.zip(self.nodal.as_flattened()) {
-            *u += a * d;
-        }
-        Ok(())
+        let BodyState { displacements, rigid, .. } = &mut self.trial;
+        self.assembler.advance(a, direction, displacements, rigid, &mut self.nodal)
+    }
+}
+
+/// Writes the forces on nodes, at these motions of the rigid surfaces, into `r` at the free unknowns; overwrites `forces`.
+fn scatter<B: RealBackend>(
+    assembler: &Assembler<B>,
+    forces: &mut [[f64; 3]],
+    rigid: &[RigidMotion],
+    r: &mut B::Vector,
+) -> Result<(), B::Error> {
+    r.zero()?;
+    assembler.scatter(forces, rigid, r)?;
+    r.finish()
+}
+
+/// Writes internal minus external forces of a state into `net`.
+fn net_forces(state: &BodyState, net: &mut [[f64; 3]]) {
+    for ((net, internal), external) in net.iter_mut().zip(&state.internal).zip(&state.external) {
+        *net = std::array::from_fn(|i| internal[i] - external[i]);
     }
 }
 
@@ -335,14 +387,13 @@ impl<B: RealBackend, P: PointField> NonlinearProblem<B> for Equilibrium<B, P> {
         if self.boundary.depends_on_displacements() {
             self.evaluate_external_forces();
         }
-        for ((net, internal), external) in self.nodal.iter_mut().zip(&self.trial.internal).zip(&self.trial.external) {
-            *net = std::array::from_fn(|i| internal[i] - external[i]);
-        }
-        self.scatter(r).map_err(EquilibriumError::Backend)?;
+        self.set_net_forces();
+        scatter(&self.assembler, &mut self.nodal, &self.trial.rigid, r).map_err(EquilibriumError::Backend)?;
         Ok(ResidualScale { scale: self.scale(), floor: self.floor })
     }
 
     fn jacobian(&mut self, k: &mut B::Matrix) -> Result<(), Self::Error> {
+        self.set_net_forces();
         self.add_tangent(&self.trial, self.trial.t, k).map_err(EquilibriumError::Backend)
     }
 
@@ -356,6 +407,7 @@ impl<B: RealBackend, P: PointField> NonlinearProblem<B> for Equilibrium<B, P> {
             EquilibriumError::Backend(_) => true,
             EquilibriumError::OffBranch(_)
             | EquilibriumError::StillChanging(_)
+            | EquilibriumError::UnbalancedLoads { .. }
             | EquilibriumError::OutOfBalance { .. } => false,
         }
     }
@@ -370,11 +422,13 @@ impl<B: RealBackend, P: PointField> NonlinearProblem<B> for Equilibrium<B, P> {
     }
 
     fn save(&mut self) {
-        self.saved.copy_from_slice(&self.trial.displacements);
+        self.saved.0.copy_from_slice(&self.trial.displacements);
+        self.saved.1.copy_from_slice(&self.trial.rigid);
     }
 
     fn restore(&mut self) {
-        self.trial.displacements.copy_from_slice(&self.saved);
+        self.trial.displacements.copy_from_slice(&self.saved.0);
+        self.trial.rigid.copy_from_slice(&self.saved.1);
     }
 }
 

@@ -15,6 +15,7 @@
 //! ```
 //!
 //! [`mesh`] holds geometry and names, [`element`] the shape functions, and [`material`] constitutive formulas.
+//! [`kinematics`] maps the unknowns to displacements where they are not the components at a node.
 //! [`point_field`] is the interface between body and material: an implementation of [`point_field::PointField`]
 //! supplies stress and tangent at all integration points, from a formula or from thousands of fiber networks. The
 //! assembler does not depend on the constitutive model, the constitutive model does not depend on the mesh, and neither
@@ -30,6 +31,7 @@ pub mod assembly;
 pub mod boundary;
 pub mod element;
 pub mod equilibrium;
+pub mod kinematics;
 pub mod material;
 pub mod mesh;
 pub mod point_field;

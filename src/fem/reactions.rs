@@ -1,13 +1,15 @@
 //! Forces on the body through each surface and each point condition.
 //!
 //! At a prescribed component the support exerts the reaction `f_int - f_ext`. Each reaction is counted once, for the
-//! first condition that prescribes the component. The force through a surface or a point is the sum of its reactions and of
+//! first condition that prescribes the component; on a rigid surface it is the whole force on the node. The force through a surface or a point is the sum of its reactions and of
 //! the loads on it. Free components satisfy `f_int = f_ext`, and internal forces sum to zero. Hence the forces over all
 //! surfaces and points sum to minus the body forces, up to the tolerance of Newton.
 
 use nalgebra::Vector3;
 
 use super::boundary::{Boundary, Source};
+use super::equilibrium::BodyState;
+use super::kinematics::{RigidMotion, RigidSurface};
 use super::mesh::{Mesh, Surface};
 
 /// Force, area and mean displacement of one surface.
@@ -34,6 +36,18 @@ pub struct PointForce {
     pub displacement: [f64; 3],
 }
 
+/// The motion of a rigid surface and the moment on it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RigidForce {
+    /// Index into [`BoundaryForces::surfaces`], whose force contains that of the rigid surface.
+    pub surface: usize,
+    /// The moment of the reactions of the surface about its displaced reference point, exerted on the body, N m; without
+    /// that of other loads on the surface.
+    pub moment: [f64; 3],
+    /// The motion.
+    pub motion: RigidMotion,
+}
+
 /// All external forces on the body except body forces.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BoundaryForces {
@@ -41,36 +55,30 @@ pub struct BoundaryForces {
     pub surfaces: Vec<SurfaceForce>,
     /// All point conditions, in their order.
     pub points: Vec<PointForce>,
+    /// All rigid surfaces, in the order of their conditions.
+    pub rigid: Vec<RigidForce>,
 }
 
 impl BoundaryForces {
-    /// Assigns the nodal forces of an equilibrium state at pseudo-time `t` to surfaces and points.
-    ///
-    /// `displacements` (m), `internal` and `external` forces (N) have one entry per node.
+    /// Assigns the nodal forces of an equilibrium state to surfaces and points.
     ///
     /// # Panics
-    /// Panics if an array has fewer nodes than the mesh.
-    pub fn new(
-        mesh: &Mesh,
-        boundary: &Boundary,
-        t: f64,
-        displacements: &[[f64; 3]],
-        internal: &[[f64; 3]],
-        external: &[[f64; 3]],
-    ) -> Self {
+    /// Panics if the state has fewer nodes than the mesh.
+    pub fn new(mesh: &Mesh, boundary: &Boundary, state: &BodyState) -> Self {
+        let BodyState { t, displacements, internal, external, .. } = state;
         let mut forces = Self {
             surfaces: mesh.surfaces().iter().map(|surface| SurfaceForce::new(mesh, surface, displacements)).collect(),
             points: boundary.point_nodes().iter().map(|&node| PointForce::new(node, displacements)).collect(),
+            rigid: rigid_forces(boundary, state),
         };
-        for prescribed in boundary.prescribed_components() {
-            let (node, component) = (prescribed.node as usize, usize::from(prescribed.component));
-            if let Some(force) = forces.force_mut(prescribed.source) {
-                force[component] += internal[node][component] - external[node][component];
+        boundary.reactions(internal, external, |source, reaction| {
+            if let Some(force) = forces.force_mut(source) {
+                force.iter_mut().zip(reaction).for_each(|(sum, part)| *sum += part);
             }
-        }
+        });
         for load in boundary.loads() {
             if let Some(force) = load.source().and_then(|source| forces.force_mut(source)) {
-                for (sum, part) in force.iter_mut().zip(load.resultant(t, displacements)) {
+                for (sum, part) in force.iter_mut().zip(load.resultant(*t, displacements)) {
                     *sum += part;
                 }
             }
@@ -88,8 +96,22 @@ impl BoundaryForces {
         match source {
             Source::Surface(number) => self.surfaces.get_mut(number).map(|surface| &mut surface.force),
             Source::Point(number) => self.points.get_mut(number).map(|point| &mut point.force),
+            // These forces are zero.
+            Source::FreeMode => None,
         }
     }
+}
+
+fn rigid_forces(boundary: &Boundary, state: &BodyState) -> Vec<RigidForce> {
+    let exerted = state.internal.iter().zip(&state.external);
+    let exerted: Vec<[f64; 3]> = exerted.map(|(f, external)| std::array::from_fn(|i| f[i] - external[i])).collect();
+    let surfaces = boundary.kinematics().rigid_surfaces().iter().zip(&state.rigid);
+    let force = |(rigid, motion): (&RigidSurface, &RigidMotion)| RigidForce {
+        surface: rigid.surface,
+        moment: rigid.moment(motion, &exerted),
+        motion: *motion,
+    };
+    surfaces.map(force).collect()
 }
 
 impl SurfaceForce {

@@ -29,7 +29,7 @@ fn factored<B: RealBackend<Context = ()>>(
     for (element, tangent) in responses.tangent.iter_mut().enumerate() {
         *tangent = at_rest * stiffness(mesh.center(element));
     }
-    assembler.stiffness(&vec![[0.0; 3]; mesh.nodes().len()], &responses, &mut matrix).unwrap();
+    assembler.stiffness(&vec![[0.0; 3]; mesh.nodes().len()], &[], &responses, &mut matrix).unwrap();
     matrix.finish().unwrap();
     let mut solver = B::solver(&B::analyze(&(), &pattern, &SolverParams::new(symmetry)).unwrap()).unwrap();
     solver.factor(&matrix)

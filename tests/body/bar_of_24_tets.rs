@@ -37,7 +37,7 @@ fn conditions() -> Conditions {
     Conditions {
         surfaces: vec![surface("left", 0.0), surface("right", 0.5)],
         points: vec![point(6, [Some(0.0); 3]), point(5, [None, None, Some(0.0)])],
-        loads: vec![],
+        ..Conditions::default()
     }
 }
 
@@ -136,7 +136,7 @@ where
     let assembler = Assembler::<B>::new(assembly::geometry(&mesh).unwrap(), &unknowns, &matrix).unwrap();
     let mut responses = PointResponses::zeros(24);
     FormulaField::uniform(material(), &mesh).update(&[Matrix3::identity(); 24], &mut responses).unwrap();
-    assembler.stiffness(&[[0.0; 3]; 14], &responses, &mut matrix).unwrap();
+    assembler.stiffness(&[[0.0; 3]; 14], &[], &responses, &mut matrix).unwrap();
     matrix.finish().unwrap();
 
     let n = unknowns.free();
@@ -158,10 +158,10 @@ where
     assert_digits(eigenvalues.max(), 41785.645566, 1e-10, "largest eigenvalue");
 
     let (mut moved, mut forces) = (vec![[0.0; 3]; 14], vec![[0.0; 3]; 14]);
-    boundary.apply_prescribed(0.1, &mut moved);
+    boundary.apply_prescribed(0.1, &mut moved, &mut []);
     assembler.linearized_forces(&[[0.0; 3]; 14], &responses, &moved, &mut forces);
     let mut rhs = B::vector(&(), n).unwrap();
-    assembler.scatter(&forces, &mut rhs).unwrap();
+    assembler.scatter(&mut forces, &[], &mut rhs).unwrap();
     rhs.finish().unwrap();
     let norm = rhs.with_local(|values| values.iter().map(|v| v * v).sum::<f64>().sqrt()).unwrap();
     assert_digits(norm, 1323.377409, 1e-9, "norm of the right-hand side");

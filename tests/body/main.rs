@@ -17,5 +17,6 @@ mod equilibrium;
 mod gmsh;
 #[cfg(feature = "sparse")]
 mod pressure;
+mod rigid_surfaces;
 #[cfg(feature = "sparse")]
 mod state_dependent_loads;

@@ -63,7 +63,7 @@ fn stiffness(cells: usize, supports: Supports) -> Result<(Arc<Sparsity>, Matrix)
     let at_rest = vec![[0.0; 3]; mesh.nodes().len()];
     assembler.deformation_gradients(&at_rest, &mut gradients);
     field.update(&gradients, &mut responses)?;
-    assembler.stiffness(&at_rest, &responses, &mut matrix)?;
+    assembler.stiffness(&at_rest, &[], &responses, &mut matrix)?;
     matrix.finish()?;
     Ok((pattern, matrix))
 }

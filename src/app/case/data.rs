@@ -32,6 +32,8 @@ pub struct Case {
     pub points: Vec<PointCase>,
     /// Body forces.
     pub body_forces: Vec<BodyForceCase>,
+    /// Whether supports are added against the free rigid-body modes of the body.
+    pub hold_free_modes: bool,
     /// The load steps.
     pub steps: StepsCase,
     /// Newton's method at the macro scale.
@@ -120,6 +122,21 @@ pub enum SurfaceLoad {
     Pressure(f64),
     /// Elastic foundation: spring stiffness per reference area along the normal and along the surface, Pa/m.
     Foundation([f64; 2]),
+    /// A plane of symmetry: no displacement along the normal.
+    Symmetry,
+    /// A surface that moves as a rigid body.
+    Rigid(RigidCase),
+}
+
+/// A surface that moves as a rigid body about a reference point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RigidCase {
+    /// The reference point, in mesh units; `None` is the centroid of the surface.
+    pub reference: Option<[f64; 3]>,
+    /// Displacement of the reference point by component, m; a component that is `None` is free.
+    pub displacement: [Option<f64>; 3],
+    /// Rotation vector by component, rad; a component that is `None` is free.
+    pub rotation: [Option<f64>; 3],
 }
 
 /// A prescribed displacement of a node or a force on it.

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, HashMap};
 
-use super::data::{BodyForceCase, BoundaryCase, PointCase, PointPlace, SurfaceLoad};
+use super::data::{BodyForceCase, BoundaryCase, PointCase, PointPlace, RigidCase, SurfaceLoad};
 use super::problems::Problems;
 use super::range::Range;
 use super::table::{Either, Table};
@@ -34,11 +34,23 @@ pub(super) fn boundaries(root: &mut Table<'_>) -> Vec<BoundaryCase> {
 }
 
 fn boundary_load(table: &mut Table<'_>) -> Option<SurfaceLoad> {
-    let (key, value) = table.one_of(&["displacement", "traction", "pressure", "foundation"])?;
+    let keys = ["displacement", "traction", "pressure", "foundation", "symmetry", "rigid"];
+    let (key, value) = table.one_of(&keys)?;
     match key {
         "displacement" => displacement_of(&value).map(SurfaceLoad::Displacement),
         "traction" => value.vector(Range::any("Pa")).map(SurfaceLoad::Traction),
         "pressure" => value.number(Range::any("Pa")).map(SurfaceLoad::Pressure),
+        "rigid" => rigid(&value).map(SurfaceLoad::Rigid),
+        "symmetry" => {
+            if let Some(curve) = table.get("curve") {
+                curve.report_error("is given for a plane of symmetry", "a plane that does not move", "remove `curve`");
+            }
+            let is_plane = value.boolean()?;
+            if !is_plane {
+                value.report_error("is false", "true", "remove this [[boundary]]: surfaces are free by default");
+            }
+            is_plane.then_some(SurfaceLoad::Symmetry)
+        }
         _ => {
             if let Some(curve) = table.get("curve") {
                 curve.report_error("is given for a foundation", "a constant stiffness", "remove `curve`");
@@ -46,6 +58,20 @@ fn boundary_load(table: &mut Table<'_>) -> Option<SurfaceLoad> {
             foundation(&value).map(SurfaceLoad::Foundation)
         }
     }
+}
+
+/// Reads the reference point and the prescribed motion of a rigid surface.
+fn rigid(value: &Value<'_>) -> Option<RigidCase> {
+    let mut table = value.table()?;
+    let reference = table.get("reference").map(|value| value.vector(Range::any("mesh units")));
+    let displacement = table.get("displacement").map_or(Some([None; 3]), |value| displacement_of(&value));
+    let rotation = table.get("rotation").map_or(Some([None; 3]), |value| components_of(&value, "rad", "{ z = 0.5 }"));
+    table.report_unknown_keys();
+    let reference = match reference {
+        Some(read) => Some(read?),
+        None => None,
+    };
+    Some(RigidCase { reference, displacement: displacement?, rotation: rotation? })
 }
 
 /// Reads a stiffness in all directions, or one along the normal and one along the surface.
@@ -69,13 +95,19 @@ fn foundation(value: &Value<'_>) -> Option<[f64; 2]> {
     Some(both)
 }
 
-/// Reads `{ x, y, z }` with at least one component.
+/// Reads a displacement `{ x, y, z }` with at least one component.
 fn displacement_of(value: &Value<'_>) -> Option<[Option<f64>; 3]> {
+    components_of(value, "m", "{ x = 0.0 }")
+}
+
+/// Reads `{ x, y, z }` with at least one component.
+fn components_of(value: &Value<'_>, unit: &'static str, example: &str) -> Option<[Option<f64>; 3]> {
     let mut table = value.table()?;
     let present = AXES.map(|axis| table.has(axis));
-    let components = AXES.map(|axis| table.number(axis, Range::any("m")));
+    let components = AXES.map(|axis| table.number(axis, Range::any(unit)));
     if !present.contains(&true) {
-        table.report("contains no component", "at least one of `x`, `y` and `z`, in m", "add one, such as { x = 0.0 }");
+        let expected = format!("at least one of `x`, `y` and `z`, in {unit}");
+        table.report("contains no component", expected, format!("add one, such as {example}"));
     }
     table.report_unknown_keys();
     let complete =
@@ -88,7 +120,8 @@ fn prescribed_components(load: &SurfaceLoad) -> [bool; 3] {
     match load {
         SurfaceLoad::Displacement(components) => components.map(|component| component.is_some()),
         SurfaceLoad::Traction(components) => components.map(|component| component != 0.0),
-        SurfaceLoad::Pressure(_) | SurfaceLoad::Foundation(_) => [false; 3],
+        SurfaceLoad::Pressure(_) | SurfaceLoad::Foundation(_) | SurfaceLoad::Symmetry => [false; 3],
+        SurfaceLoad::Rigid(_) => [true; 3],
     }
 }
 
@@ -163,6 +196,11 @@ pub(super) fn points(root: &mut Table<'_>) -> Vec<PointCase> {
         table.report_unknown_keys();
     }
     points
+}
+
+/// Reads how the free rigid-body modes of the body are treated.
+pub(super) fn hold_free_modes(root: &mut Table<'_>) -> bool {
+    root.section("body", false, |table, _| table.choice("free", &[("rigid", true)]).is_some())
 }
 
 /// Reads all body forces; those of one region add up.

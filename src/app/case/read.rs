@@ -66,6 +66,7 @@ fn read(root: &mut Table<'_>, path: &Path, base: &Path) -> Option<Case> {
     let boundaries = load::boundaries(root);
     let points = load::points(root);
     let body_forces = load::body_forces(root);
+    let hold_free_modes = load::hold_free_modes(root);
     if let Some(constraint) = root.get("constraint") {
         constraint.unavailable("[[constraint]]", "boundaries, points and body forces", "remove it");
     }
@@ -88,6 +89,7 @@ fn read(root: &mut Table<'_>, path: &Path, base: &Path) -> Option<Case> {
         boundaries,
         points,
         body_forces,
+        hold_free_modes,
         steps,
         newton,
         micro,

@@ -11,8 +11,20 @@ use super::value::Value;
 use crate::input::excerpt;
 
 /// The top-level tables of a case, used to recognize one that was written below another header.
-const SECTIONS: [&str; 11] =
-    ["mesh", "region", "boundary", "point", "body_force", "constraint", "steps", "newton", "micro", "scales", "output"];
+const SECTIONS: [&str; 12] = [
+    "mesh",
+    "region",
+    "body",
+    "boundary",
+    "point",
+    "body_force",
+    "constraint",
+    "steps",
+    "newton",
+    "micro",
+    "scales",
+    "output",
+];
 
 /// Common symbols and the keys that a case uses instead.
 const SYMBOLS: [(&str, &str); 9] = [

@@ -17,7 +17,7 @@ use crate::tissue::materials::{
     BeforeCreation, ElementSelection, FiberRve, NetworkAssignment, RegionMaterial, RveLifecycle,
 };
 
-use super::data::{Case, MeshSource, PointPlace, SurfaceLoad};
+use super::data::{Case, MeshSource, PointPlace, RigidCase, SurfaceLoad};
 use super::formula;
 use super::load::AXES;
 use super::solver;
@@ -46,16 +46,23 @@ impl Case {
                 RegionMaterial::FiberRve(rve) => write(&mut out, fiber_rve(rve)),
             }
         }
+        // Earlier versions do not know this section.
+        if self.hold_free_modes {
+            section(&mut out, "[body]", [entry("free", "rigid")]);
+        }
         for boundary in &self.boundaries {
             let load = match &boundary.load {
-                SurfaceLoad::Displacement(components) => displacement(components),
+                SurfaceLoad::Displacement(displacement) => components("displacement", displacement),
                 SurfaceLoad::Traction(traction) => entry("traction", traction),
                 SurfaceLoad::Pressure(pressure) => entry("pressure", pressure),
                 SurfaceLoad::Foundation([normal, tangential]) => {
                     table("foundation", [entry("normal", normal), entry("tangential", tangential)])
                 }
+                SurfaceLoad::Symmetry => entry("symmetry", true),
+                SurfaceLoad::Rigid(rigid) => table("rigid", rigid_entries(rigid)),
             };
-            let curve = (!matches!(boundary.load, SurfaceLoad::Foundation(_))).then(|| curve(&boundary.curve));
+            let is_constant = matches!(boundary.load, SurfaceLoad::Foundation(_) | SurfaceLoad::Symmetry);
+            let curve = (!is_constant).then(|| curve(&boundary.curve));
             let entries = [text("surface", &boundary.surface), load].into_iter().chain(curve);
             section(&mut out, "[[boundary]]", entries);
         }
@@ -65,7 +72,7 @@ impl Case {
                 PointPlace::Node(node) => entry("node", node),
             };
             let moved = point.displacement != [None; 3];
-            let moved = moved.then(|| displacement(&point.displacement));
+            let moved = moved.then(|| components("displacement", &point.displacement));
             let force = point.force.map(|force| entry("force", force));
             let entries = [place].into_iter().chain(moved).chain(force).chain([curve(&point.curve)]);
             section(&mut out, "[[point]]", entries);
@@ -233,9 +240,17 @@ fn law(FiberMaterial { law, radius, .. }: &FiberMaterial) -> Vec<Entry<'static>>
     entries
 }
 
-fn displacement(components: &[Option<f64>; 3]) -> Entry<'static> {
+fn rigid_entries(rigid: &RigidCase) -> Vec<Entry<'static>> {
+    let reference = rigid.reference.map(|reference| entry("reference", reference));
+    let motion = [("displacement", &rigid.displacement), ("rotation", &rigid.rotation)];
+    let motion =
+        motion.into_iter().filter(|(_, given)| **given != [None; 3]).map(|(key, given)| components(key, given));
+    reference.into_iter().chain(motion).collect()
+}
+
+fn components(key: &'static str, components: &[Option<f64>; 3]) -> Entry<'static> {
     let named = AXES.into_iter().zip(components);
-    table("displacement", named.filter_map(|(axis, component)| component.map(|value| entry(axis, value))))
+    table(key, named.filter_map(|(axis, component)| component.map(|value| entry(axis, value))))
 }
 
 fn curve(curve: &LoadCurve) -> Entry<'static> {

@@ -74,9 +74,9 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
         let (mesh, mut warnings) = macro_scale::mesh(&case)?;
         let conditions = macro_scale::conditions(&case);
         let boundary = macro_scale::boundary(&case, &mesh, &conditions)?;
-        let prescribed = boundary.prescribed_mask(mesh.nodes().len());
-        rigid_modes::check(&mesh, &prescribed, boundary.supports()).map_err(|error| Box::new(error.into()))?;
-        let unknowns = prescribed.as_flattened().iter().filter(|&&prescribed| !prescribed).count();
+        rigid_modes::check(&mesh, &boundary.restraints(&mesh), boundary.kinematics().rigid_surfaces())
+            .map_err(|error| Box::new(error.into()))?;
+        let unknowns = boundary.free_unknowns(mesh.nodes().len());
         let (field, network_warnings) = material(&case, &mesh)?;
         warnings.extend(plausibility::warnings(&case, &mesh, field.library()));
         warnings.extend(network_warnings);

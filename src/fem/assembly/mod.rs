@@ -53,6 +53,7 @@ pub mod local;
 mod unknowns;
 
 use std::borrow::Cow;
+use std::sync::Arc;
 
 use nalgebra::{Matrix3, SMatrix};
 
@@ -60,6 +61,7 @@ pub use geometry::{Geometry, GeometryError, geometry};
 pub use unknowns::Unknowns;
 
 use super::boundary::Load;
+use super::kinematics::{Kinematics, RigidDerivatives, RigidMotion, Rows};
 use super::point_field::PointResponses;
 use crate::las::{Backend, Index, MatrixOps, RealBackend, VectorOps};
 use f_bar::{PatchTangents, tangents};
@@ -77,18 +79,31 @@ pub struct Assembler<B: Backend> {
     local_blocks: Vec<LocalBlock<B>>,
     /// The unknown of each node and component, at `3 * node + component`.
     equation_numbers: Vec<B::Index>,
+    rigid_equations: Vec<[B::Index; 6]>,
+    kinematics: Arc<Kinematics>,
+    /// The positions of the geometric stiffness of each rigid surface with rows on this rank.
+    local_rigid: Vec<(usize, Vec<B::Slot>)>,
     /// The groups of coupled nodes of the loads that have rows on this rank.
     load_groups: Vec<LoadGroup<B>>,
     /// The patches with rows on this rank, and their positions in the matrix.
     local_patches: Vec<(usize, Vec<B::Slot>)>,
 }
 
+/// The derivatives of displacements by the unknowns of rigid surfaces, at one state of the body.
+struct StateMap<'a> {
+    kinematics: &'a Kinematics,
+    derivatives: Vec<RigidDerivatives>,
+}
+
 /// The elements of a block with rows on this rank.
 struct LocalBlock<B: Backend> {
-    /// Their numbers within the block, ascending; all elements on a serial backend.
+    /// The numbers within the block of those whose unknowns are the components at their nodes, ascending; all elements on
+    /// a serial backend if the body has neither frames nor rigid surfaces.
     elements: Vec<u32>,
     /// The square of three times the number of nodes per element, row-major.
     entry_positions: Vec<B::Slot>,
+    /// The other elements, with the positions of their condensed stiffness ([`Kinematics::condense`]).
+    condensed: Vec<(u32, Vec<B::Slot>)>,
     /// Whether elements of the block belong to patches, so that their tangents are unsymmetric.
     has_patches: bool,
 }
@@ -97,7 +112,9 @@ struct LocalBlock<B: Backend> {
 struct LoadGroup<B: Backend> {
     load: usize,
     group: usize,
-    /// The square of three times the number of nodes, row-major.
+    /// The nodes of the group.
+    nodes: Vec<u32>,
+    /// The square of the number of rows, row-major.
     entry_positions: Vec<B::Slot>,
 }
 
@@ -110,7 +127,19 @@ impl<B: RealBackend> Assembler<B> {
     pub fn new(geometry: Geometry, unknowns: &Unknowns, matrix: &B::Matrix) -> Result<Self, B::Error> {
         let index = |&number: &i32| if number < 0 { B::Index::CONSTRAINED } else { B::Index::of(number as usize) };
         let equation_numbers: Vec<B::Index> = unknowns.equation_numbers().iter().map(index).collect();
-        let locate = |block: &_| with_block!(block, b => locate(b, &equation_numbers, matrix));
+        let rigid_equations = unknowns.rigid_equations().iter().map(|numbers| numbers.each_ref().map(index)).collect();
+        let mut assembler = Self {
+            geometry,
+            local_blocks: Vec::new(),
+            equation_numbers,
+            rigid_equations,
+            kinematics: Arc::clone(unknowns.kinematics()),
+            local_rigid: Vec::new(),
+            load_groups: Vec::new(),
+            local_patches: Vec::new(),
+        };
+        let (geometry, locate) =
+            (&assembler.geometry, |block: &_| with_block!(block, b => assembler.locate(b, matrix)));
         let mut local_blocks = geometry.blocks.iter().map(locate).collect::<Result<Vec<_>, _>>()?;
         let mut first = 0;
         for (block, local) in geometry.blocks.iter().zip(&mut local_blocks) {
@@ -119,14 +148,46 @@ impl<B: RealBackend> Assembler<B> {
             local.has_patches = in_patches.into_iter().any(|element| elements.contains(element));
             first = elements.end;
         }
-        let mut assembler =
-            Self { geometry, local_blocks, equation_numbers, load_groups: Vec::new(), local_patches: Vec::new() };
+        assembler.local_blocks = local_blocks;
         for (number, patch) in assembler.geometry.patches.iter().enumerate() {
             if let Some(positions) = assembler.locate_nodes(&patch.nodes, matrix)? {
                 assembler.local_patches.push((number, positions));
             }
         }
+        for (number, rows) in assembler.rigid_equations.iter().enumerate() {
+            if let Some(positions) = locate_rows::<B>(rows, matrix)? {
+                assembler.local_rigid.push((number, positions));
+            }
+        }
         Ok(assembler)
+    }
+
+    /// Looks up the positions of the entries of a block in a matrix.
+    fn locate<const N: usize, const Q: usize>(
+        &self,
+        block: &Block<N, Q>,
+        matrix: &B::Matrix,
+    ) -> Result<LocalBlock<B>, B::Error> {
+        let rows_of = |nodes: &[u32; N]| -> [[B::Index; 3]; N] {
+            nodes.map(|node| std::array::from_fn(|i| self.equation_numbers[3 * node as usize + i]))
+        };
+        let mut local =
+            LocalBlock { elements: Vec::new(), entry_positions: Vec::new(), condensed: Vec::new(), has_patches: false };
+        for (element, nodes) in (0..).zip(&block.nodes) {
+            if !self.kinematics.are_plain(nodes) {
+                local.condensed.extend(self.locate_nodes(nodes, matrix)?.map(|positions| (element, positions)));
+            } else if matrix.owns_any_row(rows_of(nodes).as_flattened()) {
+                local.elements.push(element);
+            }
+        }
+        let count = local.elements.len() * 9 * N * N;
+        local.entry_positions.reserve_exact(count);
+        for &element in &local.elements {
+            let rows = rows_of(&block.nodes[element as usize]);
+            matrix.locate(rows.as_flattened(), rows.as_flattened(), &mut local.entry_positions)?;
+        }
+        debug_assert_eq!(local.entry_positions.len(), count, "one position per pair of unknowns");
+        Ok(local)
     }
 
     /// Locates the stiffness of loads in `matrix`, for [`Assembler::load_stiffness`].
@@ -141,23 +202,26 @@ impl<B: RealBackend> Assembler<B> {
         for (load, coupled) in loads.iter().map(|load| load.coupled_nodes()).enumerate() {
             for (group, nodes) in coupled.groups().enumerate() {
                 if let Some(entry_positions) = self.locate_nodes(nodes, matrix)? {
-                    self.load_groups.push(LoadGroup { load, group, entry_positions });
+                    self.load_groups.push(LoadGroup { load, group, nodes: nodes.to_vec(), entry_positions });
                 }
             }
         }
         Ok(())
     }
 
-    /// Returns the positions of the entries that couple nodes; `None` if none of the rows is on this rank.
+    /// Returns the positions of the entries that couple nodes, in the order of [`Kinematics::rows`]; `None` if none of the
+    /// rows is on this rank.
     fn locate_nodes(&self, nodes: &[u32], matrix: &B::Matrix) -> Result<Option<Vec<B::Slot>>, B::Error> {
-        let components = nodes.iter().flat_map(|&node| (0..3).map(move |i| 3 * node as usize + i));
-        let rows: Vec<B::Index> = components.map(|k| self.equation_numbers[k]).collect();
-        if !matrix.owns_any_row(&rows) {
-            return Ok(None);
-        }
-        let mut entry_positions = Vec::new();
-        matrix.locate(&rows, &rows, &mut entry_positions)?;
-        Ok(Some(entry_positions))
+        let rows = self.kinematics.rows(nodes).into_iter().flat_map(|rows| match rows {
+            Rows::Node(node) => &self.equation_numbers[3 * node as usize..][..3],
+            Rows::RigidSurface(surface) => &self.rigid_equations[surface],
+        });
+        locate_rows::<B>(&rows.copied().collect::<Vec<_>>(), matrix)
+    }
+
+    /// Returns the map from unknowns to displacements at these motions of the rigid surfaces.
+    fn state_map(&self, motions: &[RigidMotion]) -> StateMap<'_> {
+        StateMap { kinematics: &self.kinematics, derivatives: self.kinematics.derivatives(motions) }
     }
 
     /// Returns the volumes and shape-function gradients of all points.
@@ -206,12 +270,64 @@ impl<B: RealBackend> Assembler<B> {
         }
     }
 
-    /// Adds `forces` to `r` at the free unknowns; drops the forces of prescribed components.
+    /// Adds the `forces` on nodes, N, at these motions of the rigid surfaces, to `r` at the free unknowns; drops the
+    /// forces of prescribed components. The forces on nodes with frames are replaced by their components along the
+    /// frames.
     ///
     /// # Errors
     /// Returns the error of the backend.
-    pub fn scatter(&self, forces: &[[f64; 3]], r: &mut B::Vector) -> Result<(), B::Error> {
-        r.add(&self.equation_numbers, forces.as_flattened())
+    ///
+    /// # Panics
+    /// Panics if `forces` has fewer nodes than the mesh.
+    pub fn scatter(&self, forces: &mut [[f64; 3]], motions: &[RigidMotion], r: &mut B::Vector) -> Result<(), B::Error> {
+        let of_rigid_surfaces = self.kinematics.rigid_forces(motions, forces);
+        self.kinematics.to_frames(forces);
+        r.add(&self.equation_numbers, forces.as_flattened())?;
+        self.rigid_equations.iter().zip(&of_rigid_surfaces).try_for_each(|(rows, forces)| r.add(rows, forces))
+    }
+
+    /// Returns the norm of the forces on nodes, N, at the free unknowns, as [`Assembler::scatter`] adds them.
+    ///
+    /// # Panics
+    /// Panics if `forces` has fewer nodes than the mesh.
+    pub fn free_norm(&self, forces: &mut [[f64; 3]], motions: &[RigidMotion]) -> f64 {
+        let of_rigid_surfaces = self.kinematics.rigid_forces(motions, forces);
+        self.kinematics.to_frames(forces);
+        let of_nodes = self.equation_numbers.iter().zip(forces.as_flattened());
+        let of_surfaces = self.rigid_equations.as_flattened().iter().zip(of_rigid_surfaces.as_flattened());
+        let free = of_nodes.chain(of_surfaces).filter(|(equation, _)| equation.position().is_some());
+        free.map(|(_, force)| force * force).sum::<f64>().sqrt()
+    }
+
+    /// Adds `a` times the `direction` of the unknowns to the displacements of all nodes, m, and to the motions of the
+    /// rigid surfaces. `nodal` is overwritten; it has one entry per node.
+    ///
+    /// # Errors
+    /// Returns the error of the backend.
+    ///
+    /// # Panics
+    /// Panics if `displacements` or `nodal` has fewer nodes than the mesh.
+    pub fn advance(
+        &self,
+        a: f64,
+        direction: &B::Vector,
+        displacements: &mut [[f64; 3]],
+        motions: &mut [RigidMotion],
+        nodal: &mut [[f64; 3]],
+    ) -> Result<(), B::Error> {
+        // `get` does not write prescribed components; they stay at zero.
+        nodal.fill([0.0; 3]);
+        direction.get(&self.equation_numbers, nodal.as_flattened_mut())?;
+        self.kinematics.from_frames(nodal);
+        for (u, d) in displacements.as_flattened_mut().iter_mut().zip(nodal.as_flattened()) {
+            *u += a * d;
+        }
+        let mut increments = vec![[0.0; 6]; self.rigid_equations.len()];
+        for (rows, increments) in self.rigid_equations.iter().zip(&mut increments) {
+            direction.get(rows, increments)?;
+        }
+        self.kinematics.advance(a, &increments, motions, displacements);
+        Ok(())
     }
 
     /// Computes the first-order change `K du` of the internal forces, N, for the displacement `increments` of all
@@ -238,7 +354,8 @@ impl<B: RealBackend> Assembler<B> {
         }
     }
 
-    /// Adds `integral grad N_a . A . grad N_b dV`, N/m, to `k`, from the responses of all points at these displacements.
+    /// Adds `integral grad N_a . A . grad N_b dV`, N/m, to `k`, from the responses of all points at these displacements
+    /// of the nodes, m, and motions of the rigid surfaces.
     /// With a distributed matrix, each rank integrates the elements that have rows on it.
     ///
     /// # Errors
@@ -249,20 +366,40 @@ impl<B: RealBackend> Assembler<B> {
     pub fn stiffness(
         &self,
         displacements: &[[f64; 3]],
+        motions: &[RigidMotion],
         responses: &PointResponses,
         k: &mut B::Matrix,
     ) -> Result<(), B::Error> {
-        let patches = self.patch_tangents(displacements, responses);
+        let (map, patches) = (self.state_map(motions), self.patch_tangents(displacements, responses));
         let tangent = patches.as_ref().map_or(&responses.tangent, |patches| &patches.tangent);
         for (block, local) in self.geometry.blocks.iter().zip(&self.local_blocks) {
-            with_block!(block, b => add_stiffness::<B, _, _>(b, local, tangent, k))?;
+            with_block!(block, b => add_stiffness::<B, _, _>(b, local, tangent, &map, k))?;
         }
         if let Some(patches) = &patches {
             for (patch, positions) in &self.local_patches {
-                k.add_at(positions, &patches.couplings[*patch].stiffness())?;
+                let nodes = &self.geometry.patches[*patch].nodes;
+                k.add_at(positions, &map.condense(nodes, &patches.couplings[*patch].stiffness()))?;
             }
         }
         Ok(())
+    }
+
+    /// Adds the geometric stiffness of the rigid surfaces, N/m, to `k`, from the forces on all nodes, N: internal minus
+    /// external.
+    ///
+    /// # Errors
+    /// Returns the error of the backend.
+    ///
+    /// # Panics
+    /// Panics if `forces` has fewer nodes than the mesh.
+    pub fn rigid_stiffness(
+        &self,
+        motions: &[RigidMotion],
+        forces: &[[f64; 3]],
+        k: &mut B::Matrix,
+    ) -> Result<(), B::Error> {
+        let blocks = self.kinematics.geometric_stiffness(motions, forces);
+        self.local_rigid.iter().try_for_each(|(surface, positions)| k.add_at(positions, &blocks[*surface]))
     }
 
     fn patch_tangents(&self, displacements: &[[f64; 3]], responses: &PointResponses) -> Option<PatchTangents> {
@@ -270,7 +407,7 @@ impl<B: RealBackend> Assembler<B> {
     }
 
     /// Adds `-df_ext/du` of the loads given to [`Assembler::locate_loads`], N/m, to `k`, at pseudo-time `t` and the
-    /// displacements of all nodes, m.
+    /// displacements of all nodes, m, and motions of the rigid surfaces.
     ///
     /// # Errors
     /// Returns the error of the backend.
@@ -282,15 +419,17 @@ impl<B: RealBackend> Assembler<B> {
         loads: &[Box<dyn Load>],
         t: f64,
         displacements: &[[f64; 3]],
+        motions: &[RigidMotion],
         k: &mut B::Matrix,
     ) -> Result<(), B::Error> {
-        let largest = self.load_groups.iter().map(|group| group.entry_positions.len()).max().unwrap_or(0);
-        let mut block = vec![0.0; largest];
-        for LoadGroup { load, group, entry_positions } in &self.load_groups {
-            let block = &mut block[..entry_positions.len()];
+        let map = self.state_map(motions);
+        let largest = self.load_groups.iter().map(|group| group.nodes.len()).max().unwrap_or(0);
+        let mut block = vec![0.0; 9 * largest * largest];
+        for LoadGroup { load, group, nodes, entry_positions } in &self.load_groups {
+            let block = &mut block[..9 * nodes.len() * nodes.len()];
             block.fill(0.0);
             loads[*load].add_stiffness(t, displacements, *group, block);
-            k.add_at(entry_positions, block)?;
+            k.add_at(entry_positions, &map.condense(nodes, block))?;
         }
         Ok(())
     }
@@ -308,31 +447,31 @@ impl<B: RealBackend> Assembler<B> {
     }
 }
 
-/// Looks up the positions of the entries of a block in a matrix.
-fn locate<B: RealBackend, const N: usize, const Q: usize>(
-    block: &Block<N, Q>,
-    equation_numbers: &[B::Index],
-    matrix: &B::Matrix,
-) -> Result<LocalBlock<B>, B::Error> {
-    let rows_of = |nodes: &[u32; N]| -> [[B::Index; 3]; N] {
-        nodes.map(|node| std::array::from_fn(|i| equation_numbers[3 * node as usize + i]))
-    };
-    let is_local = |(_, nodes): &(u32, &[u32; N])| matrix.owns_any_row(rows_of(nodes).as_flattened());
-    let elements: Vec<u32> = (0..).zip(&block.nodes).filter(is_local).map(|(element, _)| element).collect();
-    let count = elements.len() * 9 * N * N;
-    let mut entry_positions = Vec::with_capacity(count);
-    for &element in &elements {
-        let rows = rows_of(&block.nodes[element as usize]);
-        matrix.locate(rows.as_flattened(), rows.as_flattened(), &mut entry_positions)?;
+impl StateMap<'_> {
+    /// Returns the stiffness of a group of nodes by their unknowns, row-major in the order of [`Kinematics::rows`].
+    fn condense<'s>(&self, nodes: &[u32], stiffness: &'s [f64]) -> Cow<'s, [f64]> {
+        if self.kinematics.are_plain(nodes) {
+            return Cow::Borrowed(stiffness);
+        }
+        Cow::Owned(self.kinematics.condense(nodes, stiffness, &self.derivatives))
     }
-    debug_assert_eq!(entry_positions.len(), count, "one position per pair of unknowns");
-    Ok(LocalBlock { elements, entry_positions, has_patches: false })
+}
+
+/// Returns the positions of the entries that couple rows; `None` if none of the rows is on this rank.
+fn locate_rows<B: RealBackend>(rows: &[B::Index], matrix: &B::Matrix) -> Result<Option<Vec<B::Slot>>, B::Error> {
+    if !matrix.owns_any_row(rows) {
+        return Ok(None);
+    }
+    let mut entry_positions = Vec::new();
+    matrix.locate(rows, rows, &mut entry_positions)?;
+    Ok(Some(entry_positions))
 }
 
 fn add_stiffness<B: RealBackend, const N: usize, const Q: usize>(
     block: &Block<N, Q>,
     local: &LocalBlock<B>,
     tangent: &[SMatrix<f64, 9, 9>],
+    map: &StateMap<'_>,
     k: &mut B::Matrix,
 ) -> Result<(), B::Error> {
     let tangent = block.of_points(tangent);
@@ -344,6 +483,16 @@ fn add_stiffness<B: RealBackend, const N: usize, const Q: usize>(
         } else {
             k.add_at(positions, local::entries(&local::stiffness(points, tangent)))?;
         }
+    }
+    for (element, positions) in &local.condensed {
+        let element = *element as usize;
+        let (points, tangent) = (&block.points[element], &tangent[element]);
+        let stiffness = if local.has_patches {
+            local::unsymmetric_stiffness(points, tangent)
+        } else {
+            local::stiffness(points, tangent)
+        };
+        k.add_at(positions, &map.condense(&block.nodes[element], local::entries(&stiffness)))?;
     }
     Ok(())
 }

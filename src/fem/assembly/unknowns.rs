@@ -1,13 +1,18 @@
 //! Numbering of the free displacement components, which are the unknowns of the linear system.
 
+use std::sync::Arc;
+
+use crate::fem::kinematics::{Kinematics, Rows};
 use crate::fem::mesh::Mesh;
 use crate::las::{Sparsity, SparsityError};
 
 /// The equation numbers of the free displacement components: ascending by node, in mesh order or another given order,
-/// then by component. Prescribed components have number -1.
-#[derive(Clone, Debug, PartialEq, Eq)]
+/// then by component; last, those of the free components of rigid surfaces. Prescribed components have number -1.
+#[derive(Clone, Debug, PartialEq)]
 pub struct Unknowns {
     equation_numbers: Vec<i32>,
+    rigid_equations: Vec<[i32; 6]>,
+    kinematics: Arc<Kinematics>,
     free: usize,
 }
 
@@ -46,12 +51,44 @@ impl Unknowns {
                 free += 1;
             }
         }
-        Ok(Self { equation_numbers, free: free as usize })
+        Ok(Self { equation_numbers, rigid_equations: Vec::new(), kinematics: Arc::default(), free: free as usize })
+    }
+
+    /// Appends the free unknowns of the rigid surfaces, of which `prescribed` has one entry each. The components of nodes
+    /// with frames are those along the frames; all components of the nodes of rigid surfaces must be prescribed.
+    ///
+    /// # Errors
+    /// Returns [`SparsityError::TooLarge`] if the number of unknowns exceeds the range of a 32-bit index.
+    pub fn with_kinematics(
+        mut self,
+        kinematics: &Arc<Kinematics>,
+        prescribed: &[[bool; 6]],
+    ) -> Result<Self, SparsityError> {
+        self.kinematics = Arc::clone(kinematics);
+        for prescribed in prescribed {
+            let mut equations = [-1; 6];
+            for (equation, _) in equations.iter_mut().zip(prescribed).filter(|(_, prescribed)| !**prescribed) {
+                *equation = i32::try_from(self.free).map_err(|_| SparsityError::TooLarge(self.free))?;
+                self.free += 1;
+            }
+            self.rigid_equations.push(equations);
+        }
+        Ok(self)
     }
 
     /// Returns the equation number of component `c` of node `a` at `3 * a + c`; -1 if the component is prescribed.
     pub fn equation_numbers(&self) -> &[i32] {
         &self.equation_numbers
+    }
+
+    /// Returns the equation numbers of the six unknowns of each rigid surface; -1 if prescribed.
+    pub fn rigid_equations(&self) -> &[[i32; 6]] {
+        &self.rigid_equations
+    }
+
+    /// Returns the map from unknowns to displacements.
+    pub fn kinematics(&self) -> &Arc<Kinematics> {
+        &self.kinematics
     }
 
     /// Returns the number of free components.
@@ -65,8 +102,16 @@ impl Unknowns {
     /// # Errors
     /// Returns [`SparsityError::TooLarge`] if the pattern exceeds the range of a 32-bit index.
     pub fn pattern(&self, mesh: &Mesh) -> Result<Sparsity, SparsityError> {
+        let of_node = |node: u32| &self.equation_numbers[3 * node as usize..][..3];
         let equations = |nodes: &[u32]| -> Vec<i32> {
-            nodes.iter().flat_map(|&node| &self.equation_numbers[3 * node as usize..][..3]).copied().collect()
+            if self.kinematics.are_plain(nodes) {
+                return nodes.iter().flat_map(|&node| of_node(node)).copied().collect();
+            }
+            let rows = self.kinematics.rows(nodes).into_iter().flat_map(|rows| match rows {
+                Rows::Node(node) => of_node(node),
+                Rows::RigidSurface(surface) => &self.rigid_equations[surface],
+            });
+            rows.copied().collect()
         };
         let patches = mesh.patches().iter().filter(|patch| patch.len() > 1);
         let of_patch = |patch: &Vec<u32>| -> Vec<u32> {

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::{LoadCondition, LoadCurve};
+use super::{LoadCondition, LoadCurve, RigidCondition};
 
 /// All boundary conditions of a body.
 ///
@@ -26,6 +26,14 @@ pub struct Conditions {
     /// [`Pressure`](super::Pressure), [`Foundation`](super::Foundation), [`PointLoad`](super::PointLoad),
     /// [`BodyForce`](super::BodyForce), or any other implementation of [`LoadCondition`].
     pub loads: Vec<Arc<dyn LoadCondition>>,
+    /// The names of plane surfaces, of any orientation, whose nodes do not move along the normal: planes of symmetry, or
+    /// frictionless walls.
+    pub symmetry_planes: Vec<String>,
+    /// Surfaces that move as rigid bodies.
+    pub rigid: Vec<RigidCondition>,
+    /// Whether the nodes of each part of the body get as many additional zero displacements as are necessary to prevent
+    /// its rigid-body motions. The loads must balance, so that these supports exert no force.
+    pub hold_free_modes: bool,
 }
 
 /// A prescribed displacement of a surface. The surface may also carry loads, for example a traction along y while its

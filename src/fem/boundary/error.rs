@@ -56,6 +56,38 @@ pub enum BoundaryError {
         /// The value of the second condition, m.
         second_value: f64,
     },
+    /// A plane of symmetry is not a plane.
+    #[error("surface `{surface}` is not one plane: {}", planarity(*degrees))]
+    NotPlanar {
+        /// The name of the surface.
+        surface: String,
+        /// The greatest angle between the normal of a face and the mean normal; 0 if the faces are parallel.
+        degrees: f64,
+    },
+    /// A node of a plane of symmetry is moved out of the plane.
+    #[error(
+        "node {node} lies in the symmetry plane of {plane}, but {other} moves it out of the plane (by {value:e} m times a curve)"
+    )]
+    PlaneConflict {
+        /// The node, from 0.
+        node: usize,
+        /// The plane.
+        plane: String,
+        /// The condition that moves the node.
+        other: String,
+        /// The displacement of that condition at a factor of 1, m.
+        value: f64,
+    },
+    /// A node of a rigid surface has another condition that the rigid surface does not satisfy by itself.
+    #[error("node {node} belongs to the rigid {rigid}, but also to {other}")]
+    RigidConflict {
+        /// The node, from 0.
+        node: usize,
+        /// The rigid surface.
+        rigid: String,
+        /// The other condition.
+        other: String,
+    },
     /// A load couples nodes that do not belong to one element, so that the sparsity pattern has no entries for them.
     /// Holds the nodes of one group of the load.
     #[error("a load couples the nodes {0:?}, which no element contains together")]
@@ -64,6 +96,14 @@ pub enum BoundaryError {
 
 fn list(known: &[String]) -> String {
     if known.is_empty() { "none".to_owned() } else { known.join(", ") }
+}
+
+fn planarity(degrees: f64) -> String {
+    if degrees > 0.0 {
+        format!("the normals of its faces differ by up to {degrees:.3} degrees from their mean")
+    } else {
+        "its nodes lie in several parallel planes".into()
+    }
 }
 
 fn component_name(component: usize) -> &'static str {

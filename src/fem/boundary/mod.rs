@@ -1,6 +1,6 @@
 //! Boundary conditions: named [`Conditions`], resolved on a mesh into a [`Boundary`].
 //!
-//! A condition either prescribes displacements or is a [`Load`]. A new load is a new file that implements
+//! A condition prescribes displacements, makes a surface rigid, or is a [`Load`]. A new load is a new file that implements
 //! [`LoadCondition`] and [`Load`]; nothing else in [`fem`](crate::fem) depends on the kind of load.
 //!
 //! # Shared nodes
@@ -8,6 +8,10 @@
 //! (with equal curves, unless the value is 0) are allowed; the reaction is then assigned to the first condition,
 //! surfaces before points. Different values cause a [`BoundaryError::Conflict`], so the order of the conditions never
 //! decides a displacement.
+//!
+//! A plane of symmetry may share nodes with any other condition that leaves them in the plane; the conditions share the
+//! reaction by their directions. A rigid surface gets the whole reaction of its nodes; other conditions may hold only
+//! components there that the rigid surface holds itself.
 
 mod conditions;
 mod curve;
@@ -18,6 +22,8 @@ mod load;
 mod point_load;
 mod prescribed;
 mod pressure;
+mod rigid;
+mod skew;
 
 pub use conditions::{Conditions, PointCondition, PointLocation, SurfaceCondition};
 pub use curve::{CurveError, LoadCurve, LoadFunction, LoadTable};
@@ -28,15 +34,29 @@ pub use load::{CoupledNodes, Load, LoadCondition, Support};
 pub use point_load::PointLoad;
 pub use prescribed::{PrescribedComponent, Source};
 pub use pressure::Pressure;
+pub use rigid::RigidCondition;
 
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use nalgebra::Vector3;
+
+use super::kinematics::{Kinematics, RigidMotion};
 use super::mesh::{Mesh, Surface};
+use super::rigid_modes::{self, Restraint};
 use crate::las::Symmetry;
 use prescribed::PrescribedCollector;
+use rigid::ResolvedRigid;
+use skew::{GivenDirection, SkewNode, plane_normal};
 
 /// Boundary conditions resolved on a mesh.
 #[derive(Debug)]
 pub struct Boundary {
     prescribed_components: Vec<PrescribedComponent>,
+    /// Nodes with prescribed displacements along other directions than x, y and z, ascending.
+    skew_nodes: Vec<SkewNode>,
+    rigid: Vec<ResolvedRigid>,
+    kinematics: Arc<Kinematics>,
     loads: Vec<Box<dyn Load>>,
     point_nodes: Vec<u32>,
 }
@@ -59,16 +79,45 @@ impl Boundary {
             point_nodes.push(node);
             prescribed.add(&[node], &point.displacement, &point.curve, Source::Point(number))?;
         }
+        let mut planes = symmetry_planes(mesh, &conditions.symmetry_planes, &mut prescribed)?;
+        let rigid = rigid_surfaces(mesh, &conditions.rigid, &mut prescribed, &mut planes)?;
+        let skew_nodes = planes.into_iter().map(|(node, mut directions)| {
+            directions.extend(prescribed.take(node).into_iter().map(GivenDirection::of_component));
+            SkewNode::new(mesh, node, directions)
+        });
+        let skew_nodes = skew_nodes.collect::<Result<Vec<_>, _>>()?;
         let mut loads = Vec::new();
         for condition in &conditions.loads {
             let load = condition.resolve(mesh)?;
             check_coupled_nodes(mesh, load.coupled_nodes())?;
             loads.push(load);
         }
-        Ok(Self { prescribed_components: prescribed.into_components(), loads, point_nodes })
+        let frames = skew_nodes.iter().map(|node| (node.node, node.frame)).collect();
+        let surfaces = rigid.iter().map(|rigid| rigid.surface.clone()).collect();
+        let kinematics = Arc::new(Kinematics::new(mesh.nodes().len(), frames, surfaces));
+        let prescribed_components = prescribed.into_components();
+        let mut boundary = Self { prescribed_components, skew_nodes, rigid, kinematics, loads, point_nodes };
+        if conditions.hold_free_modes {
+            boundary.hold_free_modes(mesh);
+        }
+        Ok(boundary)
     }
 
-    /// Returns which components of the `nodes` nodes are prescribed by surface or point conditions.
+    /// Adds the fewest zero displacements that leave no free rigid-body mode.
+    fn hold_free_modes(&mut self, mesh: &Mesh) {
+        let mask = self.prescribed_mask(mesh.nodes().len());
+        let is_free =
+            |node: u32, component: usize| self.kinematics.are_plain(&[node]) && !mask[node as usize][component];
+        let restraints = self.restraints(mesh);
+        let supports = rigid_modes::minimal_supports(mesh, &restraints, self.kinematics.rigid_surfaces(), is_free);
+        for (node, component) in supports {
+            self.prescribed_components.push(PrescribedComponent::support(mesh, node, component as u8));
+        }
+        self.prescribed_components.sort_by_key(|component| (component.node, component.component));
+    }
+
+    /// Returns which components of the `nodes` nodes are prescribed. Those of a node with a frame
+    /// ([`Kinematics`]) are components along the frame; those of the nodes of a rigid surface are all prescribed.
     ///
     /// # Panics
     /// Panics if `nodes` is less than the number of nodes of the mesh.
@@ -77,7 +126,72 @@ impl Boundary {
         for prescribed in &self.prescribed_components {
             mask[prescribed.node as usize][usize::from(prescribed.component)] = true;
         }
+        for skew in &self.skew_nodes {
+            mask[skew.node as usize] = std::array::from_fn(|k| k < skew.prescribed());
+        }
+        for node in self.rigid.iter().flat_map(|rigid| &rigid.surface.nodes) {
+            mask[*node as usize] = [true; 3];
+        }
         mask
+    }
+
+    /// Returns which of the six unknowns of each rigid surface are prescribed.
+    pub fn prescribed_of_rigid_surfaces(&self) -> Vec<[bool; 6]> {
+        self.rigid.iter().map(ResolvedRigid::prescribed).collect()
+    }
+
+    /// Returns the map from unknowns to displacements of nodes.
+    pub fn kinematics(&self) -> &Arc<Kinematics> {
+        &self.kinematics
+    }
+
+    /// Returns the number of free unknowns of a mesh of `nodes` nodes.
+    ///
+    /// # Panics
+    /// Panics if `nodes` is less than the number of nodes of the mesh.
+    pub fn free_unknowns(&self, nodes: usize) -> usize {
+        let of_nodes = self.prescribed_mask(nodes).as_flattened().iter().filter(|&&prescribed| !prescribed).count();
+        let of_surfaces = self.prescribed_of_rigid_surfaces();
+        of_nodes + of_surfaces.as_flattened().iter().filter(|&&prescribed| !prescribed).count()
+    }
+
+    /// Returns the node and component of each support that [`Conditions::hold_free_modes`] adds.
+    pub fn free_mode_supports(&self) -> impl Iterator<Item = (u32, u8)> {
+        let supports = self.prescribed_components.iter().filter(|component| component.source == Source::FreeMode);
+        supports.map(|component| (component.node, component.component))
+    }
+
+    /// Returns the conditions on rigid-body motions that follow from prescribed displacements, rigid surfaces, and loads
+    /// that support the body.
+    ///
+    /// # Panics
+    /// Panics if the mesh is not that of the conditions.
+    pub fn restraints(&self, mesh: &Mesh) -> Vec<Restraint> {
+        let at = |node: u32| mesh.nodes()[node as usize];
+        let along = |node: u32, direction: [f64; 3]| Restraint::Displacement { node, point: at(node), direction };
+        let components = self.prescribed_components.iter();
+        let mut all: Vec<Restraint> = components
+            .map(|prescribed| {
+                Restraint::component(prescribed.node, at(prescribed.node), usize::from(prescribed.component))
+            })
+            .collect();
+        for skew in &self.skew_nodes {
+            all.extend(skew.directions().map(|direction| along(skew.node, direction.into())));
+        }
+        for rigid in &self.rigid {
+            let Some(&node) = rigid.surface.nodes.first() else { continue };
+            for k in (0..6).filter(|&k| rigid.prescribed()[k]) {
+                let axis = Vector3::ith(k % 3, 1.0).into();
+                let point = rigid.surface.reference;
+                all.push(if k < 3 {
+                    Restraint::Displacement { node, point, direction: axis }
+                } else {
+                    Restraint::Rotation { node, axis }
+                });
+            }
+        }
+        all.extend(self.supports().map(|support| along(support.node, support.direction)));
+        all
     }
 
     /// Returns the prescribed components, ascending by node and component.
@@ -100,8 +214,11 @@ impl Boundary {
         self.loads.iter().any(|load| !load.coupled_nodes().is_none())
     }
 
-    /// Returns the symmetry of the tangent: the weakest of `body` and of the loads that depend on the displacements.
+    /// Returns the symmetry of the tangent: the weakest of `body`, of the loads that depend on the displacements, and of
+    /// rigid surfaces that can rotate, which may make the tangent indefinite.
     pub fn symmetry(&self, body: Symmetry) -> Symmetry {
+        let rotates = self.rigid.iter().any(|rigid| rigid.prescribed()[3..].contains(&false));
+        let body = if rotates && body == Symmetry::Definite { Symmetry::Symmetric } else { body };
         let coupled = self.loads.iter().filter(|load| !load.coupled_nodes().is_none());
         coupled.fold(body, |weakest, load| match (weakest, load.symmetry()) {
             (Symmetry::None, _) | (_, Symmetry::None) => Symmetry::None,
@@ -113,6 +230,8 @@ impl Boundary {
     /// Returns the pseudo-times at which the rate of a load or of a prescribed displacement jumps, ascending.
     pub fn break_points(&self) -> Vec<f64> {
         let prescribed = self.prescribed_components.iter().flat_map(PrescribedComponent::break_points);
+        let of_rigid = self.rigid.iter().flat_map(ResolvedRigid::break_points);
+        let prescribed = prescribed.chain(self.skew_nodes.iter().flat_map(SkewNode::break_points)).chain(of_rigid);
         let mut times: Vec<f64> = prescribed.chain(self.loads.iter().flat_map(|load| load.break_points())).collect();
         times.sort_by(f64::total_cmp);
         times.dedup();
@@ -124,13 +243,45 @@ impl Boundary {
         &self.point_nodes
     }
 
-    /// Writes the prescribed displacements of pseudo-time `t`, m; leaves the other components unchanged.
+    /// Writes the prescribed displacements of pseudo-time `t`, m, and the prescribed components of the `motions` of the
+    /// rigid surfaces; leaves the other components unchanged.
     ///
     /// # Panics
     /// Panics if `displacements` has fewer nodes than the mesh.
-    pub fn apply_prescribed(&self, t: f64, displacements: &mut [[f64; 3]]) {
+    pub fn apply_prescribed(&self, t: f64, displacements: &mut [[f64; 3]], motions: &mut [RigidMotion]) {
         for prescribed in &self.prescribed_components {
             displacements[prescribed.node as usize][usize::from(prescribed.component)] = prescribed.displacement(t);
+        }
+        for skew in &self.skew_nodes {
+            skew.apply(t, &mut displacements[skew.node as usize]);
+        }
+        for (rigid, motion) in self.rigid.iter().zip(motions) {
+            rigid.apply(t, motion);
+            rigid.surface.place(motion, displacements);
+        }
+    }
+
+    /// Calls `add` with every reaction, N: the part of the force `internal - external` on a node that a condition
+    /// exerts on the body.
+    pub(super) fn reactions(
+        &self,
+        internal: &[[f64; 3]],
+        external: &[[f64; 3]],
+        mut add: impl FnMut(Source, [f64; 3]),
+    ) {
+        let exerted = |node: u32| -> [f64; 3] {
+            std::array::from_fn(|i| internal[node as usize][i] - external[node as usize][i])
+        };
+        for prescribed in &self.prescribed_components {
+            let (component, mut force) = (usize::from(prescribed.component), [0.0; 3]);
+            force[component] = exerted(prescribed.node)[component];
+            add(prescribed.source, force);
+        }
+        for skew in &self.skew_nodes {
+            skew.reactions(exerted(skew.node)).for_each(|(source, force)| add(source, force.into()));
+        }
+        for rigid in &self.rigid {
+            rigid.surface.nodes.iter().for_each(|&node| add(Source::Surface(rigid.surface.surface), exerted(node)));
         }
     }
 
@@ -144,6 +295,66 @@ impl Boundary {
             load.add_forces(t, displacements, forces);
         }
     }
+}
+
+/// Returns the normals of the inclined planes of each node; the displacements normal to the other planes are components,
+/// which are prescribed.
+fn symmetry_planes(
+    mesh: &Mesh,
+    names: &[String],
+    prescribed: &mut PrescribedCollector<'_>,
+) -> Result<BTreeMap<u32, Vec<GivenDirection>>, BoundaryError> {
+    let mut of_nodes: BTreeMap<u32, Vec<GivenDirection>> = BTreeMap::new();
+    for name in names {
+        let (number, surface) = find_surface(mesh, name)?;
+        let (normal, source) = (plane_normal(mesh, surface)?, Source::Surface(number));
+        let nodes = surface.nodes();
+        if let Some(component) = (0..3).find(|&k| normal[k].abs() > 1.0 - f64::EPSILON) {
+            let held = std::array::from_fn(|k| (k == component).then_some(0.0));
+            prescribed.add(&nodes, &held, &LoadCurve::Ramp, source)?;
+            continue;
+        }
+        for node in nodes {
+            of_nodes.entry(node).or_default().push(GivenDirection { source, along: normal, component: None });
+        }
+    }
+    Ok(of_nodes)
+}
+
+/// Resolves rigid surfaces and removes the conditions on their nodes that they satisfy.
+///
+/// # Errors
+/// Returns [`BoundaryError::RigidConflict`] for a node with another condition.
+fn rigid_surfaces(
+    mesh: &Mesh,
+    conditions: &[RigidCondition],
+    prescribed: &mut PrescribedCollector<'_>,
+    planes: &mut BTreeMap<u32, Vec<GivenDirection>>,
+) -> Result<Vec<ResolvedRigid>, BoundaryError> {
+    let mut owner: BTreeMap<u32, usize> = BTreeMap::new();
+    let mut all = Vec::with_capacity(conditions.len());
+    for condition in conditions {
+        let rigid = condition.resolve(mesh)?;
+        let number = rigid.surface.surface;
+        for &node in &rigid.surface.nodes {
+            let conflict = |other: Source| BoundaryError::RigidConflict {
+                node: node as usize,
+                rigid: Source::Surface(number).describe(mesh),
+                other: other.describe(mesh),
+            };
+            if let Some(other) = owner.insert(node, number) {
+                return Err(conflict(Source::Surface(other)));
+            }
+            if let Some(plane) = planes.remove(&node).unwrap_or_default().first() {
+                return Err(conflict(plane.source));
+            }
+            if let Some(other) = prescribed.take(node).iter().find(|component| !rigid.agrees_with(component)) {
+                return Err(conflict(other.source));
+            }
+        }
+        all.push(rigid);
+    }
+    Ok(all)
 }
 
 /// Checks that the nodes of each group belong to one element, so that the sparsity pattern couples them.

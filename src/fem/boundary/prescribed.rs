@@ -13,6 +13,9 @@ pub enum Source {
     Surface(usize),
     /// A point condition: index into [`Conditions::points`](super::Conditions::points).
     Point(usize),
+    /// A support against a free rigid-body mode; see
+    /// [`Conditions::hold_free_modes`](super::Conditions::hold_free_modes).
+    FreeMode,
 }
 
 /// One prescribed displacement component.
@@ -32,6 +35,12 @@ pub struct PrescribedComponent {
 }
 
 impl PrescribedComponent {
+    /// Creates a support that holds a component of a node at zero.
+    pub(super) fn support(mesh: &Mesh, node: u32, component: u8) -> Self {
+        let position = mesh.nodes()[node as usize];
+        Self { node, component, value: 0.0, source: Source::FreeMode, position, curve: Arc::new(LoadCurve::Ramp) }
+    }
+
     /// Returns the displacement at pseudo-time `t`, m.
     pub fn displacement(&self, t: f64) -> f64 {
         self.value * self.curve.factor(t, self.position)
@@ -92,6 +101,11 @@ impl<'m> PrescribedCollector<'m> {
         })
     }
 
+    /// Removes the components that are prescribed at a node.
+    pub fn take(&mut self, node: u32) -> Vec<PrescribedComponent> {
+        (0..3).filter_map(|component| self.components.remove(&(node, component))).collect()
+    }
+
     /// Returns the components, ascending by node and component.
     pub fn into_components(self) -> Vec<PrescribedComponent> {
         self.components.into_values().collect()
@@ -106,6 +120,7 @@ impl Source {
                 format!("surface `{name}`")
             }
             Self::Point(number) => format!("point condition {}", number + 1),
+            Self::FreeMode => "a support against a rigid-body mode".into(),
         }
     }
 }

@@ -95,7 +95,7 @@ fn points_are_found_and_follow_their_curve() {
     let boundary = Boundary::new(&mesh, &conditions).unwrap();
     assert_eq!(mesh.nodes()[boundary.point_nodes()[0] as usize], [2.0, 1.0, 1.0]);
     let mut displacements = vec![[9.0; 3]; mesh.nodes().len()];
-    boundary.apply_prescribed(0.25, &mut displacements);
+    boundary.apply_prescribed(0.25, &mut displacements, &mut []);
     assert_eq!(displacements[1], [9.0, 0.5, 9.0]);
     assert_eq!(displacements.as_flattened().iter().filter(|&&u| u == 0.5).count(), 2);
 }
@@ -207,7 +207,7 @@ fn functions_of_the_position_are_integrated_over_surfaces_and_regions() {
         }
     }
     let mut displacements = zeros;
-    boundary.apply_prescribed(0.5, &mut displacements);
+    boundary.apply_prescribed(0.5, &mut displacements, &mut []);
     for (x, u) in mesh.nodes().iter().zip(&displacements).filter(|(x, _)| x[0] == 2.0) {
         assert!((u[0] - 0.05 * (1.0 + 2.0 * x[1])).abs() < 1e-15);
     }

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use crate::fem::kinematics::RigidSurface;
 use crate::fem::mesh::Mesh;
 
 /// A connected part of the mesh.
@@ -25,10 +26,11 @@ impl Part {
     }
 }
 
-/// Returns the parts, by ascending lowest node.
-pub(super) fn parts(mesh: &Mesh) -> Vec<Part> {
+/// Returns the parts, which rigid surfaces connect, by ascending lowest node.
+pub(super) fn parts(mesh: &Mesh, rigid: &[RigidSurface]) -> Vec<Part> {
     let mut parent: Vec<u32> = (0..mesh.nodes().len() as u32).collect();
-    for nodes in mesh.elements() {
+    let surfaces = rigid.iter().map(|surface| &surface.nodes[..]).filter(|nodes| !nodes.is_empty());
+    for nodes in mesh.elements().iter().chain(surfaces) {
         for &node in &nodes[1..] {
             let (a, b) = (root(&mut parent, nodes[0]), root(&mut parent, node));
             parent[a.max(b) as usize] = a.min(b);

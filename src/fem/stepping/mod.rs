@@ -147,8 +147,9 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
         let boundary = Boundary::new(&mesh, conditions)?;
         let geometry = assembly::geometry(&mesh)?;
         let prescribed = boundary.prescribed_mask(mesh.nodes().len());
-        rigid_modes::check(&mesh, &prescribed, boundary.supports())?;
-        let unknowns = Unknowns::in_order(order, |node, component| prescribed[node][component])?;
+        rigid_modes::check(&mesh, &boundary.restraints(&mesh), boundary.kinematics().rigid_surfaces())?;
+        let unknowns = Unknowns::in_order(order, |node, component| prescribed[node][component])?
+            .with_kinematics(boundary.kinematics(), &boundary.prescribed_of_rigid_surfaces())?;
         let pattern = Arc::new(unknowns.pattern(&mesh)?);
         let elements = if mesh.patches().is_empty() { params.solver.symmetry } else { Symmetry::None };
         let solver = SolverParams { symmetry: boundary.symmetry(elements), ..params.solver };

@@ -4,6 +4,7 @@ use thiserror::Error;
 
 use super::Stepper;
 use crate::fem::equilibrium::EquilibriumError;
+use crate::fem::kinematics::RigidMotion;
 use crate::fem::point_field::PointField;
 use crate::las::{Backend, RealBackend};
 
@@ -21,6 +22,8 @@ pub struct SavedState {
     pub increment: f64,
     /// Displacements of the nodes, m.
     pub displacements: Vec<[f64; 3]>,
+    /// Motions of the rigid surfaces.
+    pub rigid: Vec<RigidMotion>,
 }
 
 /// The reason why a saved state cannot be restored. `R` is the error of the callback that restores the point field, `E`
@@ -43,6 +46,17 @@ pub enum RestoreError<R: std::fmt::Display, E: std::fmt::Display, F: std::fmt::D
         /// Number of nodes of the mesh.
         expected: usize,
     },
+    /// The saved state has another number of rigid surfaces.
+    #[error("the state has motions of {found} rigid surfaces; the conditions have {expected}")]
+    RigidSurfaces {
+        /// Number of rigid surfaces in the saved state.
+        found: usize,
+        /// Number of rigid surfaces of the conditions.
+        expected: usize,
+    },
+    /// The motion of a rigid surface is not finite. Holds the surface, from 0.
+    #[error("the motion of rigid surface {0} in the saved state is not a finite number")]
+    RigidNotFinite(usize),
     /// A displacement is not finite. Holds the node, from 0.
     #[error("the displacement of node {0} in the saved state is not a finite number")]
     NotFinite(usize),
@@ -69,6 +83,7 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
             halvings: self.increments.halvings,
             increment: self.increments.length,
             displacements: state.displacements.clone(),
+            rigid: state.rigid.clone(),
         })
     }
 
@@ -92,12 +107,22 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
         if state.displacements.len() != nodes {
             return Err(RestoreError::Nodes { found: state.displacements.len(), expected: nodes });
         }
+        let rigid = self.body.committed().rigid.len();
+        if state.rigid.len() != rigid {
+            return Err(RestoreError::RigidSurfaces { found: state.rigid.len(), expected: rigid });
+        }
+        let is_finite = |RigidMotion { displacement, rotation }: &RigidMotion| {
+            displacement.iter().chain(rotation).all(|component| component.is_finite())
+        };
+        if let Some(surface) = state.rigid.iter().position(|motion| !is_finite(motion)) {
+            return Err(RestoreError::RigidNotFinite(surface));
+        }
         if let Some(node) = state.displacements.iter().position(|u| u.iter().any(|u| !u.is_finite())) {
             return Err(RestoreError::NotFinite(node));
         }
         field(self.body.field_mut()).map_err(RestoreError::Field)?;
         self.body
-            .restore_at(self.time_after(state.completed_steps), &state.displacements)
+            .restore_at(self.time_after(state.completed_steps), &state.displacements, &state.rigid)
             .map_err(RestoreError::Points)?;
         self.completed_steps = state.completed_steps;
         self.increments.restore(state.halvings, state.increment);

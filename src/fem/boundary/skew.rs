@@ -1,0 +1,210 @@
+//! Nodes with prescribed displacements along directions other than x, y and z.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::{BoundaryError, PrescribedComponent, Source};
+use crate::fem::mesh::{Mesh, Surface};
+
+/// Directions are linearly dependent if the part of one that is normal to the others is shorter than this.
+const DEPENDENT: f64 = 1e-6;
+/// A surface is a plane if the normal of no face differs from the mean normal by more than this.
+const PLANAR: f64 = 1e-6;
+
+/// A direction along which the displacement of a node is given.
+#[derive(Clone, Debug)]
+pub(super) struct GivenDirection {
+    pub source: Source,
+    /// A unit vector `d`.
+    pub along: Vector3<f64>,
+    /// The component that gives the displacement along `d`; `None` holds it at 0.
+    pub component: Option<PrescribedComponent>,
+}
+
+/// A node whose displacement is given along one to three independent directions `d_k`, not all of them axes.
+///
+/// With the orthonormal vectors `n_k` of the Gram-Schmidt process, `d_k = sum_j L_kj n_j`, the given displacements `g`
+/// determine the components along `n_k`, `L y = g`. The remaining directions of the frame are free.
+#[derive(Clone, Debug)]
+pub(super) struct SkewNode {
+    pub node: u32,
+    /// Orthonormal columns: the `n_k`, then the free directions.
+    pub frame: Matrix3<f64>,
+    given: Vec<GivenDirection>,
+    lower: Matrix3<f64>,
+}
+
+impl SkewNode {
+    /// Orthonormalizes the given directions; a direction that depends on the others is left out if all displacements
+    /// are held at 0.
+    ///
+    /// # Errors
+    /// Returns [`BoundaryError::PlaneConflict`] if a dependent direction has a displacement, or those on which it depends
+    /// have.
+    pub fn new(mesh: &Mesh, node: u32, directions: Vec<GivenDirection>) -> Result<Self, BoundaryError> {
+        let (mut given, mut frame, mut lower) = (Vec::<GivenDirection>::new(), Matrix3::zeros(), Matrix3::zeros());
+        for direction in directions {
+            let k = given.len();
+            let mut rest = direction.along;
+            let mut row = Vector3::zeros();
+            for j in 0..k {
+                row[j] = frame.column(j).dot(&direction.along);
+                rest -= frame.column(j) * row[j];
+            }
+            let length = rest.norm();
+            if k == 3 || length < DEPENDENT {
+                let moved = given.iter().chain([&direction]).find(|given| !given.is_held());
+                match moved {
+                    None => continue,
+                    Some(moved) => return Err(conflict(mesh, node, &direction, moved, &given)),
+                }
+            }
+            row[k] = length;
+            lower.set_row(k, &row.transpose());
+            frame.set_column(k, &(rest / length));
+            given.push(direction);
+        }
+        complete(&mut frame, given.len());
+        Ok(Self { node, frame, given, lower })
+    }
+
+    /// Returns the number of prescribed components, the first ones of the frame.
+    pub fn prescribed(&self) -> usize {
+        self.given.len()
+    }
+
+    /// Returns the directions along which the displacement is given.
+    pub fn directions(&self) -> impl Iterator<Item = Vector3<f64>> {
+        self.given.iter().map(|given| given.along)
+    }
+
+    /// Replaces the prescribed components of a displacement, m, by those of pseudo-time `t`.
+    pub fn apply(&self, t: f64, displacement: &mut [f64; 3]) {
+        let mut components = self.frame.tr_mul(&Vector3::from(*displacement));
+        for (k, given) in self.given.iter().enumerate() {
+            let before: f64 = (0..k).map(|j| self.lower[(k, j)] * components[j]).sum();
+            let value = given.component.as_ref().map_or(0.0, |component| component.displacement(t));
+            components[k] = (value - before) / self.lower[(k, k)];
+        }
+        *displacement = (self.frame * components).into();
+    }
+
+    /// Returns the reaction that each condition exerts, N, of the force that the supports exert on the node: its part
+    /// `sum_k mu_k d_k` along the given directions.
+    pub fn reactions(&self, force: [f64; 3]) -> impl Iterator<Item = (Source, Vector3<f64>)> {
+        let components = self.frame.tr_mul(&Vector3::from(force));
+        let mut shares = Vector3::zeros();
+        for k in (0..self.given.len()).rev() {
+            let after: f64 = (k + 1..self.given.len()).map(|j| self.lower[(j, k)] * shares[j]).sum();
+            shares[k] = (components[k] - after) / self.lower[(k, k)];
+        }
+        self.given.iter().zip(shares.data.0[0]).map(|(given, share)| (given.source, given.along * share))
+    }
+
+    /// Returns the pseudo-times at which the velocity of the node jumps.
+    pub fn break_points(&self) -> impl Iterator<Item = f64> {
+        self.given.iter().filter_map(|given| given.component.as_ref()).flat_map(PrescribedComponent::break_points)
+    }
+}
+
+impl GivenDirection {
+    pub fn of_component(component: PrescribedComponent) -> Self {
+        let along = Vector3::ith(usize::from(component.component), 1.0);
+        Self { source: component.source, along, component: Some(component) }
+    }
+
+    fn is_held(&self) -> bool {
+        self.component.as_ref().is_none_or(|component| component.value == 0.0)
+    }
+}
+
+fn conflict(
+    mesh: &Mesh,
+    node: u32,
+    direction: &GivenDirection,
+    moved: &GivenDirection,
+    given: &[GivenDirection],
+) -> BoundaryError {
+    let planes = given.iter().chain([direction]).filter(|given| given.component.is_none());
+    let plane = planes.map(|plane| plane.source.describe(mesh)).next().unwrap_or_default();
+    let value = moved.component.as_ref().map_or(0.0, |component| component.value);
+    BoundaryError::PlaneConflict { node: node as usize, plane, other: moved.source.describe(mesh), value }
+}
+
+/// Fills the columns from `first` on so that all are orthonormal.
+fn complete(frame: &mut Matrix3<f64>, first: usize) {
+    for k in first..3 {
+        let projected = |axis: usize| {
+            let unit = Vector3::ith(axis, 1.0);
+            (0..k).fold(unit, |rest, j| rest - frame.column(j) * frame.column(j).dot(&unit))
+        };
+        // The longest projection; the first of equal ones.
+        let mut best = projected(0);
+        for axis in 1..3 {
+            let other = projected(axis);
+            if other.norm() > best.norm() + DEPENDENT {
+                best = other;
+            }
+        }
+        frame.set_column(k, &best.normalize());
+    }
+}
+
+/// Returns the unit normal of a plane surface.
+///
+/// # Errors
+/// Returns [`BoundaryError::NotPlanar`] if the surface is curved, closed or not one plane, or has no face.
+pub(super) fn plane_normal(mesh: &Mesh, surface: &Surface) -> Result<Vector3<f64>, BoundaryError> {
+    let mut normals = Vec::new();
+    for (face_type, nodes) in surface.faces.typed() {
+        face_type.integrate(&mesh.positions_of(nodes), |_, area| normals.push(Vector3::from(area)));
+    }
+    let sum: Vector3<f64> = normals.iter().sum();
+    let total: f64 = normals.iter().map(Vector3::norm).sum();
+    let mean = sum.try_normalize(0.0).unwrap_or_else(Vector3::zeros);
+    let deviation = normals.iter().map(|normal| (normal.normalize() - mean).norm()).fold(0.0, f64::max);
+    if normals.is_empty() || !(sum.norm() > 0.5 * total && deviation <= PLANAR) {
+        let degrees = 2.0 * (0.5 * deviation.min(2.0)).asin().to_degrees();
+        return Err(BoundaryError::NotPlanar { surface: surface.name.clone(), degrees });
+    }
+    // All nodes must lie in one plane, not in two parallel ones.
+    let of_nodes = surface.nodes();
+    let heights = of_nodes.iter().map(|&node| mean.dot(&Vector3::from(mesh.nodes()[node as usize])));
+    let (low, high) = heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)));
+    if high - low > PLANAR * total.sqrt() {
+        return Err(BoundaryError::NotPlanar { surface: surface.name.clone(), degrees: 0.0 });
+    }
+    Ok(mean)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn held(along: [f64; 3]) -> GivenDirection {
+        GivenDirection { source: Source::Surface(0), along: Vector3::from(along).normalize(), component: None }
+    }
+
+    #[test]
+    fn the_displacement_along_given_directions_is_removed() {
+        let mesh = crate::fem::mesh::shapes::cuboid([1, 1, 1], [1.0; 3]).unwrap();
+        let directions = [held([1.0, 1.0, 0.0]), held([0.0, 1.0, 2.0]), held([1.0, 2.0, 2.0]), held([1.0, 0.0, 0.3])];
+        for (count, prescribed) in [(1, 1), (2, 2), (3, 2), (4, 3)] {
+            // The third direction is the sum of the first two, before they are normalized.
+            let node = SkewNode::new(&mesh, 0, directions[..count].to_vec()).unwrap();
+            assert_eq!(node.prescribed(), prescribed);
+            assert!((node.frame.tr_mul(&node.frame) - Matrix3::identity()).norm() < 1e-14);
+            let mut displacement = [0.3, -0.2, 0.7];
+            node.apply(0.5, &mut displacement);
+            for direction in &directions[..count] {
+                assert!(direction.along.dot(&Vector3::from(displacement)).abs() < 1e-15);
+            }
+            // The reactions along the given directions sum to the part of the force that the supports take.
+            let force = Vector3::new(1.0, 2.0, -3.0);
+            let sum: Vector3<f64> = node.reactions(force.into()).map(|(_, reaction)| reaction).sum();
+            for k in 0..3 {
+                let expected = if k < prescribed { node.frame.column(k).dot(&force) } else { 0.0 };
+                assert!((node.frame.column(k).dot(&sum) - expected).abs() < 1e-14);
+            }
+        }
+    }
+}
