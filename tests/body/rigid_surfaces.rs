@@ -134,9 +134,9 @@ fn a_twisted_prism_has_the_moment_of_saint_venant() {
 fn conjugate_moment(force: &RigidForce) -> [f64; 3] {
     let (theta, h) = (Vector3::from(force.motion.rotation), 1e-6);
     std::array::from_fn(|i| {
-        let at = |by: f64| Rotation3::from_scaled_axis(theta + Vector3::ith(i, by));
-        let rate = (at(h) * at(-h).inverse()).scaled_axis() / (2.0 * h);
-        rate.dot(&Vector3::from(force.moment))
+        let at = |by: f64| Rotation3::from_scaled_axis(theta + Vector3::ith(i, by)).into_inner();
+        let spin = (at(h) - at(-h)) * at(0.0).transpose() / (2.0 * h);
+        Vector3::new(spin[(2, 1)], spin[(0, 2)], spin[(1, 0)]).dot(&Vector3::from(force.moment))
     })
 }
 
@@ -164,7 +164,7 @@ fn the_moment_is_the_derivative_of_the_energy() {
         let (h, angle) = (1e-3, 0.9);
         let (moment, slope) =
             (energy_and_moment(angle).1, (energy_and_moment(angle + h).0 - energy_and_moment(angle - h).0) / (2.0 * h));
-        assert!((moment / slope - 1.0).abs() < 1e-5, "{element_type:?}: {moment} {slope}");
+        assert!((moment / slope - 1.0).abs() < 2e-6, "{element_type:?}: {moment} {slope}");
     }
 }
 
