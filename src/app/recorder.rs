@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::case::Case;
+use super::case::{Case, SurfaceLoad};
 use super::cell_fields::CellFields;
 use super::checkpoint;
 use super::results::collection::{Entry, field_file, index_file, partial, point_file, point_index_file};
@@ -10,15 +10,15 @@ use super::results::log::{
     Balance, Cut, Event, Factorizations, LogWriter, NewtonLog, NewtonSeconds, RankTimes, Ranks, RveLog, Step,
 };
 use super::results::{
-    self, CASE_FILE, Collection, FIELDS_FILE, FieldFile, FieldSet, LOADS_FILE, LOG_FILE, LoadsWriter, POINTS_FILE,
-    ResultsError, ResultsRecord, RunProgress, SurfaceRow, failed_rve_file, write_pieces, write_point_pieces,
-    write_points, write_vtu,
+    self, CASE_FILE, Collection, FIELDS_FILE, FieldFile, FieldSet, LOADS_FILE, LOG_FILE, LoadNames, LoadRow,
+    LoadsWriter, POINTS_FILE, ResultsError, ResultsRecord, RigidRow, RunProgress, SurfaceRow, failed_rve_file,
+    write_pieces, write_point_pieces, write_points, write_vtu,
 };
 use super::rve_files::NetworkFiles;
 use crate::app::stress::CauchyStress;
 use crate::fem::equilibrium::BodyState;
 use crate::fem::mesh::Mesh;
-use crate::fem::reactions::BoundaryForces;
+use crate::fem::reactions::{BoundaryForces, RigidForce, SurfaceForce};
 use crate::fem::stepping::{ConvergedStep, FailedAttempt};
 use crate::las::{self, NewtonReport};
 use crate::output;
@@ -94,21 +94,18 @@ impl<'a> Recorder<'a> {
         }
         results::clear_unfinished(dir)?;
         results::replace(&dir.join(CASE_FILE), results::case_copy(case).as_bytes())?;
-        let surfaces: Vec<&str> = mesh.surface_names().collect();
-        let regions: Vec<&str> = mesh.regions().iter().map(String::as_str).collect();
-        let points: Vec<String> = (0..case.points.len()).map(|k| format!("point{k}")).collect();
-        let points: Vec<&str> = points.iter().map(String::as_str).collect();
+        let names = load_names(case, mesh);
         let (loads_file, log_file) = (dir.join(LOADS_FILE), dir.join(LOG_FILE));
         let (loads, log, fields) = match resumed {
             None => (
-                LoadsWriter::create(&loads_file, &surfaces, &points, &regions)?,
+                LoadsWriter::create(&loads_file, names)?,
                 LogWriter::create(&log_file)?,
                 Collection::new(dir.join(FIELDS_FILE)),
             ),
             Some(ResumePoint { progress, written }) => {
                 let known: Vec<Entry> = written.fields.iter().map(FieldFile::entry).collect();
                 (
-                    LoadsWriter::resume(&loads_file, &surfaces, &points, &regions, progress.steps)?,
+                    LoadsWriter::resume(&loads_file, names, progress.steps)?,
                     LogWriter::resume(&log_file)?,
                     Collection::resume(dir.join(FIELDS_FILE), progress.t(), &known)?,
                 )
@@ -160,15 +157,21 @@ impl<'a> Recorder<'a> {
     }
 
     fn write_loads<P>(&mut self, step: &ConvergedStep<'_, P>) -> Result<(), ResultsError> {
-        let surfaces: Vec<SurfaceRow> = step
-            .forces
-            .surfaces
-            .iter()
-            .map(|s| SurfaceRow { area: s.area, force: s.force, displacement: s.displacement })
-            .collect();
-        let points: Vec<[f64; 3]> = step.forces.points.iter().map(|point| point.force).collect();
-        let volumes = step.mesh.deformed_region_volumes(&step.state.displacements);
-        self.loads.row(step.step, step.t, &surfaces, &points, &volumes)
+        let forces = &step.forces;
+        let of_surface = |s: &SurfaceForce| SurfaceRow { area: s.area, force: s.force, displacement: s.displacement };
+        let of_rigid = |RigidForce { moment, motion, .. }: &RigidForce| RigidRow {
+            moment: *moment,
+            rotation: motion.rotation,
+            displacement: motion.displacement,
+        };
+        self.loads.row(&LoadRow {
+            step: step.step,
+            t: step.t,
+            surfaces: forces.surfaces.iter().map(of_surface).collect(),
+            points: forces.points.iter().map(|point| point.force).collect(),
+            rigid: forces.rigid.iter().map(of_rigid).collect(),
+            volumes: step.mesh.deformed_region_volumes(&step.state.displacements),
+        })
     }
 
     /// Writes the fields and the networks of a state: that of a full step, or of a substep after it.
@@ -363,6 +366,17 @@ fn newton_log(reports: &[NewtonReport], seconds: las::NewtonSeconds, total: f64)
             solve: seconds.solve,
             total,
         },
+    }
+}
+
+/// Returns what the columns of the table of loads describe.
+fn load_names(case: &Case, mesh: &Mesh) -> LoadNames {
+    let rigid = case.boundaries.iter().filter(|boundary| matches!(boundary.load, SurfaceLoad::Rigid(_)));
+    LoadNames {
+        surfaces: mesh.surface_names().map(str::to_owned).collect(),
+        points: (0..case.points.len()).map(|k| format!("point{k}")).collect(),
+        rigid: rigid.map(|boundary| boundary.surface.clone()).collect(),
+        regions: mesh.regions().to_vec(),
     }
 }
 

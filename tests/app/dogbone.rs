@@ -27,7 +27,7 @@ fn regression_the_dogbone_has_the_recorded_extensions_and_balanced_forces() {
 
     let loads = Loads::read(&dir.path().join(LOADS_FILE)).unwrap();
     assert_eq!(loads.rows.len(), 20);
-    let right = loads.surfaces.iter().position(|name| name == "right").unwrap();
+    let right = loads.names.surfaces.iter().position(|name| name == "right").unwrap();
     for row in &loads.rows {
         let pull = row.surfaces[right].force[0];
         assert!(pull > 0.0);

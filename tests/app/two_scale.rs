@@ -113,7 +113,7 @@ fn assert_loads_agree(some: &Loads, others: &Loads, tolerance: f64) {
     for (a, b) in some.rows.iter().zip(&others.rows) {
         let pull = norm(&a.surfaces[1].force);
         assert!(pull > 0.0);
-        for (surface, (a, b)) in some.surfaces.iter().zip(a.surfaces.iter().zip(&b.surfaces)) {
+        for (surface, (a, b)) in some.names.surfaces.iter().zip(a.surfaces.iter().zip(&b.surfaces)) {
             assert!(norm(&minus(a.force, b.force)) < tolerance * pull, "{surface}: {:?} {:?}", a.force, b.force);
             assert!(norm(&minus(a.displacement, b.displacement)) < tolerance, "{surface}");
         }

@@ -63,7 +63,7 @@ fn loads_that_follow_the_body_do_not_depend_on_ranks_rves_or_interruptions() {
 
         let found = table(folder, "formula");
         let last = found.rows.last().unwrap();
-        let column = |name: &str| found.surfaces.iter().position(|surface| surface == name).unwrap();
+        let column = |name: &str| found.names.surfaces.iter().position(|surface| surface == name).unwrap();
         let force = |name: &str| last.surfaces[column(name)].force;
         // The dead loads: 30 Pa on 0.25 m^2, and 4 N.
         assert!((force("x1")[0] - 7.5).abs() < 1e-12 && last.points[0] == [0.0, 0.0, 4.0]);
@@ -92,4 +92,97 @@ fn a_body_that_nothing_supports_is_refused() {
     std::fs::write(folder.path().join("case.toml"), text).unwrap();
     let refused = line(folder.path(), "check case.toml");
     assert!(refused.failed(2).contains("free to move along y and z and to rotate about x"), "{}", refused.stderr);
+}
+
+/// A half of a bar between planes that are inclined to the axes, twisted by a rigid grip; its length is free.
+fn twisted(material: &str, mesh: &str) -> String {
+    format!(
+        r#"
+        [mesh]
+        {mesh}
+        [[region]]
+        name = "*"
+        material = {material}
+        [[boundary]]
+        surface = "x0"
+        symmetry = true
+        [[boundary]]
+        surface = "x0"
+        displacement = {{ x = 0.0, y = 0.0, z = 0.0 }}
+        [[boundary]]
+        surface = "x1"
+        rigid = {{ reference = [1.0, 0.25, 0.25], displacement = {{ y = 0.0, z = 0.0 }}, rotation = {{ x = 0.6, y = 0.0, z = 0.0 }} }}
+        curve = [[0.0, 0.0], [0.5, 1.0], [1.0, 1.5]]
+        [steps]
+        count = 4
+        "#
+    )
+}
+
+#[test]
+fn a_twisted_bar_does_not_depend_on_ranks_rves_or_interruptions() {
+    for element in ["tet4", "hex8"] {
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path();
+        let mesh = format!(
+            "generate = {{ shape = \"box\", cells = [3, 1, 1], size = [1.0, 0.5, 0.5], element = \"{element}\" }}"
+        );
+        let rve = format!("{{ model = \"fiber-rve\", networks = [], matrix = {{ {CONSTANTS} }} }}");
+        std::fs::write(folder.join("formula.toml"), twisted(&format!("{{ {CONSTANTS} }}"), &mesh)).unwrap();
+        std::fs::write(folder.join("rve.toml"), twisted(&rve, &mesh)).unwrap();
+        line(folder, "run formula.toml --out formula").done();
+        line(folder, "run formula/case.toml --out written").done();
+        line(folder, "run rve.toml --out rve --ranks 3").done();
+        line(folder, "run rve.toml --out parts").done();
+        std::fs::remove_file(folder.join("parts/checkpoint/step-00004.bin")).unwrap();
+        line(folder, "run rve.toml --out parts --resume").done();
+        line(folder, "report parts").done();
+        let read = |run: &str| std::fs::read_to_string(folder.join(run).join("loads.csv")).unwrap();
+        for other in ["written", "rve", "parts"] {
+            assert_eq!(read(other), read("formula"), "{other} {element}");
+        }
+        let found = table(folder, "formula");
+        assert_eq!(found.names.rigid, ["x1"]);
+        let last = &found.rows[3];
+        let grip = last.rigid[0];
+        assert!((grip.rotation[0] - 0.9).abs() < 1e-15 && grip.rotation[1..] == [0.0; 2], "{:?}", grip.rotation);
+        assert!(grip.moment[0] > 1.0 && grip.displacement[0].abs() > 1e-4, "{grip:?}");
+        let force = last.surfaces[found.names.surfaces.iter().position(|surface| surface == "x1").unwrap()].force;
+        assert!(force[0].abs() < 1e-6, "the length is free: {force:?}");
+    }
+}
+
+#[test]
+fn a_body_without_supports_is_held_against_rigid_motions_if_its_loads_balance() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let text = format!(
+        r#"
+        [mesh]
+        generate = {{ shape = "box", cells = [2, 1, 1], size = [1.0, 0.5, 0.5] }}
+        [body]
+        free = "rigid"
+        [[region]]
+        name = "*"
+        material = {{ {CONSTANTS} }}
+        [[boundary]]
+        surface = "x0"
+        traction = [-100.0, 0.0, 0.0]
+        [[boundary]]
+        surface = "x1"
+        traction = [100.0, 0.0, 0.0]
+        [steps]
+        count = 2
+        "#
+    );
+    std::fs::write(folder.join("case.toml"), &text).unwrap();
+    let checked = line(folder, "check case.toml").done();
+    assert_eq!(checked.matches("\nsupport    ").count(), 6, "{}", checked);
+    line(folder, "run case.toml --out out").done();
+    let row = &table(folder, "out").rows[1];
+    assert!((row.surfaces[1].force[0] - 25.0).abs() < 1e-12, "{row:?}");
+    // More on one side than on the other.
+    std::fs::write(folder.join("case.toml"), text.replace("[100.0,", "[100.01,")).unwrap();
+    let failed = line(folder, "run case.toml --out other");
+    assert!(failed.failed(3).contains("the loads do not balance"), "{}", failed.stderr);
 }

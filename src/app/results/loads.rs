@@ -2,8 +2,10 @@
 //!
 //! Columns: `step,t`, then for every surface `NAME.area` (current, m^2), `NAME.fx`, `.fy`, `.fz` (the force exerted on
 //! the body through it, N), `NAME.ux`, `.uy`, `.uz` (mean displacement, m), then for every point with a prescribed
-//! displacement `NAME.fx`, `.fy`, `.fz` (N), then for every region `NAME.volume` (current, m^3). Numbers have 17
-//! significant digits, so that reading them is exact.
+//! displacement `NAME.fx`, `.fy`, `.fz` (N), then for every rigid surface `NAME.mx`, `.my`, `.mz` (the moment exerted on
+//! the body about the displaced reference point, N m), `NAME.rx`, `.ry`, `.rz` (rotation vector, rad) and `NAME.dx`,
+//! `.dy`, `.dz` (displacement of the reference point, m), then for every region `NAME.volume` (current, m^3). Numbers
+//! have 17 significant digits, so that reading them is exact.
 
 use std::fs::{File, OpenOptions};
 use std::io::Write;
@@ -17,6 +19,7 @@ use crate::checksum::sum_of;
 
 const SURFACE_COLUMNS: [&str; 7] = ["area", "fx", "fy", "fz", "ux", "uy", "uz"];
 const POINT_COLUMNS: [&str; 3] = ["fx", "fy", "fz"];
+const RIGID_COLUMNS: [&str; 9] = ["mx", "my", "mz", "rx", "ry", "rz", "dx", "dy", "dz"];
 
 /// The state of a surface at one time.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -26,6 +29,17 @@ pub struct SurfaceRow {
     /// Force exerted on the body through the surface (reaction force plus applied load), N.
     pub force: [f64; 3],
     /// Mean displacement, m.
+    pub displacement: [f64; 3],
+}
+
+/// The state of a rigid surface at one time.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct RigidRow {
+    /// Moment exerted on the body about the displaced reference point, N m.
+    pub moment: [f64; 3],
+    /// Rotation vector, rad.
+    pub rotation: [f64; 3],
+    /// Displacement of the reference point, m.
     pub displacement: [f64; 3],
 }
 
@@ -40,19 +54,60 @@ pub struct LoadRow {
     pub surfaces: Vec<SurfaceRow>,
     /// The force on the body at every point condition (reaction force plus applied force), N.
     pub points: Vec<[f64; 3]>,
+    /// The states of all rigid surfaces.
+    pub rigid: Vec<RigidRow>,
     /// The current volume of every region, m^3.
     pub volumes: Vec<f64>,
+}
+
+/// The names of what the columns of a table describe. Point conditions have no names of their own: call them `point0`,
+/// `point1`, ...
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct LoadNames {
+    /// Names of the surfaces.
+    pub surfaces: Vec<String>,
+    /// Names of the point conditions.
+    pub points: Vec<String>,
+    /// Names of the rigid surfaces.
+    pub rigid: Vec<String>,
+    /// Names of the regions.
+    pub regions: Vec<String>,
+}
+
+impl LoadNames {
+    /// Returns the names of each group of columns, in their order, with the quantities that each name has.
+    fn groups(&self) -> [(&[String], &'static [&'static str]); 4] {
+        [
+            (&self.surfaces, &SURFACE_COLUMNS),
+            (&self.points, &POINT_COLUMNS),
+            (&self.rigid, &RIGID_COLUMNS),
+            (&self.regions, &["volume"]),
+        ]
+    }
+
+    /// Returns the group whose first quantity a column has, with its quantities and the name in the column.
+    fn group_of<'c>(&mut self, column: &'c str) -> Option<(&mut Vec<String>, &'static [&'static str], &'c str)> {
+        let quantities = self.groups().map(|(_, quantities)| quantities);
+        let groups = [&mut self.surfaces, &mut self.points, &mut self.rigid, &mut self.regions];
+        let (name, quantity) = column.rsplit_once('.')?;
+        let (group, quantities) =
+            groups.into_iter().zip(quantities).find(|(_, quantities)| quantities[0] == quantity)?;
+        Some((group, quantities, name))
+    }
+
+    fn header(&self) -> Vec<String> {
+        let named = self.groups().into_iter().flat_map(|(names, quantities)| {
+            names.iter().flat_map(move |name| quantities.iter().map(move |quantity| format!("{name}.{quantity}")))
+        });
+        ["step".to_owned(), "t".to_owned()].into_iter().chain(named).collect()
+    }
 }
 
 /// The whole table, as read from a file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Loads {
-    /// Names of the surfaces.
-    pub surfaces: Vec<String>,
-    /// Names of the point conditions.
-    pub points: Vec<String>,
-    /// Names of the regions.
-    pub regions: Vec<String>,
+    /// What the columns describe.
+    pub names: LoadNames,
     /// The rows, in the order of the file.
     pub rows: Vec<LoadRow>,
 }
@@ -75,21 +130,20 @@ impl LineChecksum {
 pub struct LoadsWriter {
     path: PathBuf,
     file: File,
-    counts: [usize; 3],
+    names: LoadNames,
     /// The checksum of the header, then of every row.
     marks: Vec<LineChecksum>,
 }
 
 impl LoadsWriter {
-    /// Creates a new table and replaces an existing one. Point conditions have no names of their
-    /// own: call them `point0`, `point1`, ...
+    /// Creates a new table and replaces an existing one.
     ///
     /// # Errors
     /// Returns [`ResultsError::Write`] if the file cannot be written.
-    pub fn create(path: &Path, surfaces: &[&str], points: &[&str], regions: &[&str]) -> Result<Self, ResultsError> {
-        let header = line(path, header(surfaces, points, regions))?;
+    pub fn create(path: &Path, names: LoadNames) -> Result<Self, ResultsError> {
+        let header = line(path, names.header())?;
         replace(path, &header)?;
-        Self::open(path, [surfaces.len(), points.len(), regions.len()], vec![LineChecksum::of(&header)])
+        Self::open(path, names, vec![LineChecksum::of(&header)])
     }
 
     /// Continues the table of an interrupted run after step `completed_steps`. All steps up to this one must be there,
@@ -98,26 +152,20 @@ impl LoadsWriter {
     /// # Errors
     /// Returns [`ResultsError::Damaged`] if the table is missing, has other columns, or lacks a step;
     /// [`ResultsError::Read`] or [`ResultsError::Write`] if the file cannot be read or written.
-    pub fn resume(
-        path: &Path,
-        surfaces: &[&str],
-        points: &[&str],
-        regions: &[&str],
-        completed_steps: usize,
-    ) -> Result<Self, ResultsError> {
+    pub fn resume(path: &Path, names: LoadNames, completed_steps: usize) -> Result<Self, ResultsError> {
         let (loads, lines) = Loads::up_to(path, completed_steps)?;
-        if loads.surfaces != surfaces || loads.points != points || loads.regions != regions {
+        if loads.names != names {
             let what = "has the columns of another case";
             return Err(ResultsError::damaged(path, Some(1), what, "the surfaces, points and regions of this case"));
         }
         replace(path, &lines.concat())?;
         let marks = lines.iter().map(|line| LineChecksum::of(line)).collect();
-        Self::open(path, [surfaces.len(), points.len(), regions.len()], marks)
+        Self::open(path, names, marks)
     }
 
-    fn open(path: &Path, counts: [usize; 3], marks: Vec<LineChecksum>) -> Result<Self, ResultsError> {
+    fn open(path: &Path, names: LoadNames, marks: Vec<LineChecksum>) -> Result<Self, ResultsError> {
         let file = OpenOptions::new().append(true).open(path).map_err(ResultsError::write(path))?;
-        Ok(Self { path: path.into(), file, counts, marks })
+        Ok(Self { path: path.into(), file, names, marks })
     }
 
     /// Returns the checksums of the header and of all rows.
@@ -138,48 +186,36 @@ impl LoadsWriter {
     /// # Errors
     /// Returns [`ResultsError::Length`] if the row does not have the columns of the table, or [`ResultsError::Write`]
     /// if it cannot be written.
-    pub fn row(
-        &mut self,
-        step: usize,
-        t: f64,
-        surfaces: &[SurfaceRow],
-        points: &[[f64; 3]],
-        volumes: &[f64],
-    ) -> Result<(), ResultsError> {
-        let [of_surfaces, of_points, of_regions] = self.counts;
+    pub fn row(&mut self, row: &LoadRow) -> Result<(), ResultsError> {
         for (name, found, expected) in [
-            ("surfaces", surfaces.len(), of_surfaces),
-            ("points", points.len(), of_points),
-            ("regions", volumes.len(), of_regions),
+            ("surfaces", row.surfaces.len(), self.names.surfaces.len()),
+            ("points", row.points.len(), self.names.points.len()),
+            ("rigid surfaces", row.rigid.len(), self.names.rigid.len()),
+            ("regions", row.volumes.len(), self.names.regions.len()),
         ] {
             ResultsError::check_length(&self.path, name, found, expected)?;
         }
-        let bytes = line(&self.path, fields(step, t, surfaces, points, volumes))?;
+        let bytes = line(&self.path, row.fields())?;
         self.file.write_all(&bytes).map_err(ResultsError::write(&self.path))?;
         self.marks.push(LineChecksum::of(&bytes));
         Ok(())
     }
 }
 
-fn header(surfaces: &[&str], points: &[&str], regions: &[&str]) -> Vec<String> {
-    let mut columns = vec!["step".to_owned(), "t".to_owned()];
-    for (names, quantities) in [(surfaces, &SURFACE_COLUMNS[..]), (points, &POINT_COLUMNS), (regions, &["volume"])] {
-        columns
-            .extend(names.iter().flat_map(|name| quantities.iter().map(move |quantity| format!("{name}.{quantity}"))));
+impl LoadRow {
+    fn fields(&self) -> Vec<String> {
+        let of_surface = |row: &SurfaceRow| {
+            let ([fx, fy, fz], [ux, uy, uz]) = (row.force, row.displacement);
+            [row.area, fx, fy, fz, ux, uy, uz]
+        };
+        let of_rigid = |row: &RigidRow| [row.moment, row.rotation, row.displacement].into_iter().flatten();
+        let numbers = std::iter::once(self.t)
+            .chain(self.surfaces.iter().flat_map(of_surface))
+            .chain(self.points.as_flattened().iter().copied())
+            .chain(self.rigid.iter().flat_map(of_rigid))
+            .chain(self.volumes.iter().copied());
+        std::iter::once(self.step.to_string()).chain(numbers.map(|number| format!("{number:.16e}"))).collect()
     }
-    columns
-}
-
-fn fields(step: usize, t: f64, surfaces: &[SurfaceRow], points: &[[f64; 3]], volumes: &[f64]) -> Vec<String> {
-    let of_surface = |row: &SurfaceRow| {
-        let ([fx, fy, fz], [ux, uy, uz]) = (row.force, row.displacement);
-        [row.area, fx, fy, fz, ux, uy, uz]
-    };
-    let numbers = std::iter::once(t)
-        .chain(surfaces.iter().flat_map(of_surface))
-        .chain(points.as_flattened().iter().copied())
-        .chain(volumes.iter().copied());
-    std::iter::once(step.to_string()).chain(numbers.map(|number| format!("{number:.16e}"))).collect()
 }
 
 fn line(path: &Path, fields: Vec<String>) -> Result<Vec<u8>, ResultsError> {
@@ -277,7 +313,7 @@ impl Loads {
     pub(super) fn is_header(text: &[u8]) -> bool {
         let mut reader = csv::Reader::from_reader(text);
         reader.headers().is_ok_and(|header| {
-            let is_of_run = |loads: Self| !loads.surfaces.is_empty() || !loads.regions.is_empty();
+            let is_of_run = |loads: Self| !loads.names.surfaces.is_empty() || !loads.names.regions.is_empty();
             Self::of_header(header).is_ok_and(is_of_run)
         })
     }
@@ -292,19 +328,13 @@ impl Loads {
             [] => return Err((String::new(), "`step,t` first")),
         };
         while let Some(&column) = rest.first() {
-            let (names, quantities, name) = if let Some(name) = column.strip_suffix(".area") {
-                (&mut loads.surfaces, &SURFACE_COLUMNS[..], name)
-            } else if let Some(name) = column.strip_suffix(".fx") {
-                (&mut loads.points, &POINT_COLUMNS[..], name)
-            } else if let Some(name) = column.strip_suffix(".volume") {
-                (&mut loads.regions, &["volume"][..], name)
-            } else {
-                return Err((column.into(), "`NAME.area`, `NAME.fx` or `NAME.volume`"));
+            let Some((names, quantities, name)) = loads.names.group_of(column) else {
+                return Err((column.into(), "`NAME.area`, `NAME.fx`, `NAME.mx` or `NAME.volume`"));
             };
             for (k, quantity) in quantities.iter().enumerate() {
                 let found = rest.get(k).copied().unwrap_or_default();
                 if found.strip_prefix(name).and_then(|found| found.strip_prefix('.')) != Some(quantity) {
-                    return Err((found.into(), "`NAME.area,NAME.fx,NAME.fy,NAME.fz,NAME.ux,NAME.uy,NAME.uz` in a row"));
+                    return Err((found.into(), "all columns of a surface, point or rigid surface in a row"));
                 }
             }
             names.push(name.into());
@@ -313,31 +343,31 @@ impl Loads {
         Ok(loads)
     }
 
-    /// Parses one row; the error is the field that is not a number.
+    /// Parses one row, which has as many fields as the header; the error is the field that is not a number.
     fn parse(&self, record: &csv::StringRecord) -> Result<LoadRow, String> {
         let mut fields = record.iter();
         let step = fields.next().unwrap_or_default();
         let step = step.parse().map_err(|_| step.to_owned())?;
-        let mut number = || -> Result<f64, String> {
-            let field = fields.next().unwrap_or_default();
-            field.parse().map_err(|_| field.to_owned())
-        };
-        let mut row = LoadRow { step, t: number()?, ..LoadRow::default() };
-        for _ in &self.surfaces {
-            row.surfaces.push(SurfaceRow {
-                area: number()?,
-                force: [number()?, number()?, number()?],
-                displacement: [number()?, number()?, number()?],
-            });
+        let numbers: Vec<f64> =
+            fields.map(|field| field.parse().map_err(|_| field.to_owned())).collect::<Result<_, _>>()?;
+        let mut numbers = numbers.into_iter();
+        let mut next = || numbers.next().unwrap_or_default();
+        let mut row = LoadRow { step, t: next(), ..LoadRow::default() };
+        for _ in &self.names.surfaces {
+            row.surfaces.push(SurfaceRow { area: next(), force: vector(&mut next), displacement: vector(&mut next) });
         }
-        for _ in &self.points {
-            row.points.push([number()?, number()?, number()?]);
+        row.points = self.names.points.iter().map(|_| vector(&mut next)).collect();
+        for _ in &self.names.rigid {
+            let (moment, rotation, displacement) = (vector(&mut next), vector(&mut next), vector(&mut next));
+            row.rigid.push(RigidRow { moment, rotation, displacement });
         }
-        for _ in &self.regions {
-            row.volumes.push(number()?);
-        }
+        row.volumes = self.names.regions.iter().map(|_| next()).collect();
         Ok(row)
     }
+}
+
+fn vector(mut next: impl FnMut() -> f64) -> [f64; 3] {
+    [next(), next(), next()]
 }
 
 fn position(header: &csv::StringRecord, column: &str) -> usize {

@@ -42,6 +42,7 @@ pub struct Setup<B: RealBackend, M = TissueField<B>> {
     field: M,
     networks: Vec<usize>,
     unknowns: usize,
+    free_mode_supports: Vec<(u32, u8)>,
     warnings: Vec<String>,
 }
 
@@ -82,7 +83,13 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
         warnings.extend(network_warnings);
         warnings.extend(without_networks(&case));
         let networks = rve_files::points(&case, &field)?;
-        Ok(Self { context, case, mesh, conditions, field, networks, unknowns, warnings })
+        let free_mode_supports = boundary.free_mode_supports().collect();
+        Ok(Self { context, case, mesh, conditions, field, networks, unknowns, free_mode_supports, warnings })
+    }
+
+    /// Returns the nodes and components that are held because the case has `free = "rigid"`.
+    pub fn free_mode_supports(&self) -> impl Iterator<Item = (u32, u8)> {
+        self.free_mode_supports.iter().copied()
     }
 
     /// Returns the size of the problem.

@@ -56,10 +56,21 @@ struct Plan {
     networks: Vec<NetworkSize>,
     surfaces: Vec<String>,
     regions: Vec<String>,
+    /// The supports against free rigid-body modes.
+    supports: Vec<SupportPlan>,
     steps: usize,
     threads: usize,
     ranks: usize,
     directory: PathBuf,
+}
+
+/// A displacement component that is held because of `free = "rigid"`.
+#[derive(Serialize)]
+struct SupportPlan {
+    node: u32,
+    /// Its position, m.
+    position: [f64; 3],
+    component: &'static str,
 }
 
 impl Job for CheckJob {
@@ -83,6 +94,14 @@ impl Job for CheckJob {
             networks,
             surfaces: setup.mesh().surface_names().map(str::to_owned).collect(),
             regions: setup.mesh().regions().to_vec(),
+            supports: setup
+                .free_mode_supports()
+                .map(|(node, component)| SupportPlan {
+                    node,
+                    position: setup.mesh().nodes()[node as usize],
+                    component: ["x", "y", "z"][usize::from(component)],
+                })
+                .collect(),
             steps,
             threads,
             ranks: setup.case().scales.least(),
@@ -105,6 +124,10 @@ impl Plan {
         ];
         for network in &self.networks {
             lines.push(format!("  {:<24} {:>6} unknowns, {:>6} RVEs", network.name, network.unknowns, network.rves));
+        }
+        for SupportPlan { node, position: [x, y, z], component } in &self.supports {
+            lines
+                .push(format!("support    {component} of node {node} at ({x}, {y}, {z}) m, against a rigid-body mode"));
         }
         lines.push(format!("steps      {}", self.steps));
         let megabytes = |bytes: usize| bytes as f64 * 1e-6;

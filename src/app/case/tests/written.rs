@@ -46,6 +46,12 @@ fn written_case_reads_the_same_from_another_folder() {
         FULL.replace("file = \"sample.msh\"", &boxed.replace(" }", ", element = \"wedge6\" }\norder = 1")),
         FULL.replace("file = \"sample.msh\"", boxed).replace("\"cycle\"", "\"random\""),
         FULL.replace("\"Dogbone in tension\"", r#""a \"b\" \\ \n \u0001 é ' '''""#),
+        format!(
+            "{SMALL}[body]\nfree = \"rigid\"\n[[boundary]]\nsurface = \"right\"\nsymmetry = true\n[[boundary]]\n\
+             surface = \"sides\"\nrigid = {{ reference = [0.1, 2, 3e-9], rotation = {{ x = 0.3, z = 0 }}, displacement = {{ y = 1e-4 }} }}\n\
+             curve = [[0, 0], [1, 2]]\n"
+        ),
+        format!("{SMALL}[[boundary]]\nsurface = \"right\"\nrigid = {{}}\n"),
         FULL.replace("seed = 7", "seed = 9223372036854775807").replace("every = 5", "every = 0x10"),
     ];
     // Every law with scalar parameters, at the lower bounds that belong to their ranges.
@@ -101,7 +107,7 @@ fn written_case_holds_the_defaults() {
         assert!(written.lines().any(|written| written == line), "{line} is not in\n{written}");
     }
     // The checkpoints of earlier versions hold cases without these keys.
-    for key in ["element =", "order =", "hexahedra =", "points ="] {
+    for key in ["element =", "order =", "hexahedra =", "points =", "[body]"] {
         assert!(!written.contains(key), "{key} is in\n{written}");
     }
 }

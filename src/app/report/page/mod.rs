@@ -132,7 +132,7 @@ impl<'a> Run<'a> {
 
     /// Returns the surfaces whose largest force along the pull exceeds one thousandth of that of all surfaces.
     fn loaded_surfaces(&self) -> Vec<usize> {
-        let surfaces = self.directory.loads.as_ref().map_or(0, |loads| loads.surfaces.len());
+        let surfaces = self.directory.loads.as_ref().map_or(0, |loads| loads.names.surfaces.len());
         let most = |surface: usize| {
             let forces = self.increments.iter().filter_map(|increment| self.force_of(increment, surface));
             forces.map(f64::abs).fold(0.0, f64::max)
@@ -142,7 +142,7 @@ impl<'a> Run<'a> {
     }
 
     fn surface_name(&self, surface: usize) -> &str {
-        self.directory.loads.as_ref().and_then(|loads| loads.surfaces.get(surface)).map_or("", String::as_str)
+        self.directory.loads.as_ref().and_then(|loads| loads.names.surfaces.get(surface)).map_or("", String::as_str)
     }
 }
 
