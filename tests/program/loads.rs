@@ -176,7 +176,8 @@ fn a_body_without_supports_is_held_against_rigid_motions_if_its_loads_balance() 
         "#
     );
     std::fs::write(folder.join("case.toml"), &text).unwrap();
-    let checked = line(folder, "check case.toml").done();
+    let checked = line(folder, "check case.toml");
+    let checked = checked.done();
     assert_eq!(checked.matches("\nsupport    ").count(), 6, "{}", checked);
     line(folder, "run case.toml --out out").done();
     let row = &table(folder, "out").rows[1];

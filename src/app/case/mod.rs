@@ -43,6 +43,10 @@
 //! surface = "y0"
 //! foundation = { normal = 1.0e8, tangential = 0.0 }   # springs, Pa/m of reference area; or one number for both
 //!
+//! [[boundary]]
+//! surface = "z0"
+//! symmetry = true                          # a plane of any orientation: no displacement along its normal
+//!
 //! [[point]]
 //! at = [0.0, 0.0, 0.0]                     # the node nearest to it, in mesh units; or: node = 0
 //! displacement = { y = 0.0, z = 0.0 }
@@ -213,6 +217,28 @@
 //! unsymmetric tangent (see [`assembly`](crate::fem::assembly#f-bar)). Quadratic elements (`order = 2`) are an
 //! alternative. `biotissue check` warns of linear elements without `f_bar` at Poisson ratios above 0.45.
 //!
+//! # Rigid surfaces and free bodies
+//!
+//! ```toml
+//! [[boundary]]
+//! surface = "x1"                           # its nodes move as a rigid body
+//! rigid = { reference = [1.0, 0.5, 0.5], displacement = { y = 0.0, z = 0.0 }, rotation = { x = 0.6, y = 0.0, z = 0.0 } }
+//! curve = "ramp"                           # default; of the displacement and the rotation
+//! ```
+//!
+//! `displacement` (m) moves the reference point (`reference`, in mesh units; by default the centroid of the surface), and
+//! `rotation` is the rotation vector about it: the axis times the angle in rad. A component that is not named is free, so
+//! that no force or moment acts along it. `loads.csv` gives the moment about the displaced reference point and the motion.
+//! See [`RigidCondition`](crate::fem::boundary::RigidCondition).
+//!
+//! ```toml
+//! [body]
+//! free = "rigid"                           # hold the free rigid-body motions of a body whose loads balance
+//! ```
+//!
+//! adds the fewest zero displacements of single nodes that prevent rigid-body motions; `biotissue check` lists them. They
+//! exert no force if the loads balance; otherwise the step fails.
+//!
 //! # Iterative solvers
 //!
 //! ```toml
@@ -247,7 +273,7 @@
 //! # Restrictions
 //!
 //! * A surface may appear in several boundaries and a node in several points, but each component is prescribed once: by
-//!   a displacement or by a nonzero traction. Pressures on one surface add up, as do body forces of one region.
+//!   a displacement, a nonzero traction or a rigid motion. Pressures on one surface add up, as do body forces of one region.
 //! * Names of regions are unique. The region `*` covers every region of the mesh that no other `[[region]]` names, so
 //!   that no region has two materials.
 //! * `[[constraint]]` is recognized and rejected: it is not available in this version.
