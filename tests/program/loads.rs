@@ -95,7 +95,7 @@ fn a_body_that_nothing_supports_is_refused() {
 }
 
 /// A bar twisted by a rigid grip; its length is free.
-fn twisted(material: &str, mesh: &str) -> String {
+pub fn twisted(material: &str, mesh: &str) -> String {
     format!(
         r#"
         [mesh]

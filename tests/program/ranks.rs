@@ -521,8 +521,49 @@ mod processes {
         assert_same_to_rounding(&read(folder.path(), "shared/loads.csv"), &alone);
     }
 
-    /// Checks that forces agree to 1e-10 of the largest force of their step, and likewise areas, displacements and
-    /// volumes.
+    /// Rows of rigid surfaces and of nodes with frames are distributed like the others.
+    #[cfg(feature = "petsc")]
+    #[test]
+    fn rigid_surfaces_and_inclined_planes_are_the_same_on_petsc() {
+        let _turn = one_at_a_time();
+        let folder = tempfile::tempdir().unwrap();
+        let material = "{ model = \"fiber-rve\", networks = [], matrix = { model = \"neo-hookean\", \
+                        shear_modulus = 1000.0, poisson_ratio = 0.3 } }";
+        let tolerance = "[newton]\ntolerance = 1e-12\n";
+        let generate = "generate = { shape = \"box\", cells = [4, 2, 2], size = [1.0, 0.5, 0.5] }";
+        let twisted = crate::loads::twisted(material, generate) + tolerance;
+        inclined_box(&folder.path().join("inclined.msh"));
+        let inclined = format!(
+            "[mesh]\nfile = \"inclined.msh\"\n[[region]]\nname = \"*\"\nmaterial = {material}\n\
+             [[boundary]]\nsurface = \"x0\"\nsymmetry = true\n[[boundary]]\nsurface = \"y0\"\nsymmetry = true\n\
+             [[boundary]]\nsurface = \"z0\"\ndisplacement = {{ z = 0.0 }}\n\
+             [[boundary]]\nsurface = \"x1\"\ntraction = [200.0, 90.0, 30.0]\n[steps]\ncount = 2\n{tolerance}"
+        );
+        for text in [twisted, inclined] {
+            run(folder.path(), &text, "--out alone --backend sparse").done();
+            let alone = read(folder.path(), "alone/loads.csv");
+            for scales in [(2, 2), (3, 1)] {
+                write_case(folder.path(), "case.toml", &with_scales(&text, scales));
+                mpirun_done(folder.path(), 4, "run case.toml --backend petsc --out shared");
+                assert_same_to_rounding(&read(folder.path(), "shared/loads.csv"), &alone);
+            }
+        }
+    }
+
+    /// Writes a box that is turned about z.
+    #[cfg(feature = "petsc")]
+    fn inclined_box(path: &Path) {
+        use biotissue::fem::mesh::{Mesh, gmsh, shapes};
+        let mesh = shapes::cuboid([3, 2, 2], [1.0, 0.7, 0.5]).unwrap();
+        let (sin, cos) = 0.5_f64.sin_cos();
+        let nodes = mesh.nodes().iter().map(|&[x, y, z]| [cos * x - sin * y, sin * x + cos * y, z]).collect();
+        let (elements, regions) = (mesh.elements().clone(), mesh.regions().to_vec());
+        let mesh = Mesh::new(nodes, elements, mesh.region_of().to_vec(), regions, mesh.surfaces().to_vec()).unwrap();
+        gmsh::write(path, &mesh).unwrap();
+    }
+
+    /// Checks that forces agree to 1e-10 of the largest force of their step, and likewise areas, displacements,
+    /// volumes, moments and rotations.
     #[cfg(feature = "petsc")]
     fn assert_same_to_rounding(found: &str, expected: &str) {
         let numbers = |line: &str| -> Vec<f64> { line.split(',').map(|value| value.parse().unwrap()).collect() };
@@ -532,7 +573,7 @@ mod processes {
             header.split(',').map(|name| Some(*name.rsplit_once('.')?.1.as_bytes().first()?)).collect();
         for (found, expected) in found.lines().zip(expected.lines()).skip(1) {
             let both: Vec<(f64, f64)> = numbers(found).into_iter().zip(numbers(expected)).collect();
-            for kind in *b"afuv" {
+            for kind in *b"afuvmrd" {
                 let of_kind =
                     || both.iter().zip(&kinds).filter(|(_, other)| **other == Some(kind)).map(|(both, _)| both);
                 let largest = of_kind().map(|(_, expected)| expected.abs()).fold(0.0, f64::max);
