@@ -27,6 +27,9 @@ pub fn mesh(case: &Case) -> Result<(Mesh, Vec<String>), InputErrors> {
         MeshSource::Box { cells, size, element } => {
             (generated(case, shapes::cuboid_of(*element, *cells, *size))?, Vec::new())
         }
+        MeshSource::Tube { cells, shape, element } => {
+            (generated(case, shapes::tube(*element, *cells, shape))?, Vec::new())
+        }
         MeshSource::Dogbone { element_size } => {
             (generated(case, shapes::dogbone(&shapes::DogboneShape::default(), *element_size))?, Vec::new())
         }
@@ -95,7 +98,11 @@ fn quadratic(case: &Case, mesh: &Mesh, to: QuadraticCase) -> Result<Mesh, InputE
         let what = format!("`order = 2`, but element {element} of the mesh ({}) is of order 2 already", of.name());
         return Err(error(what, "remove `order`"));
     }
-    mesh.quadratic(to.hexahedra).map_err(|reason| match reason {
+    let quadratic = match case.mesh {
+        MeshSource::Tube { .. } => mesh.quadratic_between(to.hexahedra, shapes::between_on_tube),
+        _ => mesh.quadratic(to.hexahedra),
+    };
+    quadratic.map_err(|reason| match reason {
         MeshError::NoQuadraticType { element } => {
             let what =
                 format!("`order = 2`, but element {element} of the mesh is a wedge, which has no form of order 2");

@@ -3,8 +3,8 @@ use std::path::Path;
 use std::process::{Command, Output};
 
 use biotissue::fem::element::ElementType;
-use biotissue::fem::mesh::gmsh;
-use biotissue::fem::mesh::shapes::{DogboneShape, cuboid, cuboid_of, dogbone};
+use biotissue::fem::mesh::shapes::{DogboneShape, TubeShape, between_on_tube, cuboid, cuboid_of, dogbone, tube};
+use biotissue::fem::mesh::{QuadraticHexahedron, gmsh};
 
 fn mesh(folder: &Path, arguments: &str) -> Output {
     let program = env!("CARGO_BIN_EXE_biotissue");
@@ -56,6 +56,33 @@ fn boxes_of_other_elements() {
 }
 
 #[test]
+fn tubes_of_all_elements() {
+    let folder = tempfile::tempdir().unwrap();
+    let shape = TubeShape { inner_radius: 0.003, outer_radius: 0.004, length: 0.05 };
+    for (arguments, linear, hexahedra) in [
+        ("", ElementType::Tet4, None),
+        ("--element hex8", ElementType::Hex8, None),
+        ("--element wedge6", ElementType::Wedge6, None),
+        ("--order 2", ElementType::Tet4, Some(QuadraticHexahedron::Serendipity)),
+        ("--element hex8 --order 2", ElementType::Hex8, Some(QuadraticHexahedron::Serendipity)),
+        ("--element hex8 --order 2 --hexahedra 27", ElementType::Hex8, Some(QuadraticHexahedron::Triquadratic)),
+    ] {
+        let size = "--inner-radius 0.003 --outer-radius 0.004 --length 0.05";
+        let arguments = format!("tube --cells 1,12,5 {size} {arguments} -o tube.msh --json").replace("  ", " ");
+        let summary = summary(&mesh(folder.path(), &arguments));
+        let expected = tube(linear, [1, 12, 5], &shape).unwrap();
+        let expected = match hexahedra {
+            Some(hexahedra) => expected.quadratic_between(hexahedra, between_on_tube).unwrap(),
+            None => expected,
+        };
+        assert_eq!(gmsh::read(&folder.path().join("tube.msh")).unwrap().mesh, expected, "{arguments}");
+        assert_eq!(summary["regions"][0]["name"], "wall");
+        let curved = summary["volume"].as_f64().unwrap() / (7e-6 * std::f64::consts::PI * 0.05);
+        assert!((curved - 1.0).abs() < if hexahedra.is_some() { 1e-3 } else { 0.05 }, "{arguments}: {curved}");
+    }
+}
+
+#[test]
 fn a_dogbone_of_order_2() {
     let folder = tempfile::tempdir().unwrap();
     let summary = summary(&mesh(folder.path(), "dogbone --element-size 0.004 --order 2 -o bone.msh --json"));
@@ -94,6 +121,21 @@ fn invalid_arguments_are_reported() {
             "box --cells 1,1,1 --size 1,-2,1 -o a.msh",
             2,
             "error: the size along y is -2: it must be positive and finite",
+        ),
+        (
+            "tube --cells 1,2,1 --inner-radius 1 --outer-radius 2 --length 1 -o a.msh",
+            2,
+            "error: [1, 2, 1] cells through the wall, around the axis and along it: there must be at least 1, 3 and 1",
+        ),
+        (
+            "tube --cells 1,9,1 --inner-radius 2 --outer-radius 2 --length 1 -o a.msh",
+            2,
+            "error: an inner radius of 2 is not below the outer radius, 2",
+        ),
+        (
+            "tube --cells 1,9,1 --inner-radius 1 --outer-radius 2 --length 1 --element wedge6 --order 2 -o a.msh",
+            2,
+            "error: --order 2: there are no wedges of order 2",
         ),
         ("box --cells 9999,9999,9999 -o a.msh", 2, "error: 5998200179994 elements are more than the 50000000"),
         ("dogbone --element-size nan -o a.msh", 2, "error: the element size is NaN: it must be positive and finite"),

@@ -45,10 +45,20 @@ where
 
 /// Returns the case of a box of 48 tetrahedra, with a network in each, which is extended by 20 % in two steps.
 fn box_of_networks() -> String {
+    box_of_networks_in("generate = { shape = \"box\", cells = [2, 2, 2], size = [1.0, 1.0, 1.0] }")
+}
+
+/// Returns the case of a box of elements of another type, with a network at each integration point.
+fn box_of(element: &str, cells: [usize; 3], order: &str) -> String {
+    let generated = "generate = { shape = \"box\", size = [1.0, 1.0, 1.0], cells = ";
+    box_of_networks_in(&format!("{generated}{cells:?}, element = \"{element}\" }}\n        {order}"))
+}
+
+fn box_of_networks_in(mesh: &str) -> String {
     format!(
         r#"
         [mesh]
-        generate = {{ shape = "box", cells = [2, 2, 2], size = [1.0, 1.0, 1.0] }}
+        {mesh}
         [[region]]
         name = "*"
         [region.material]
@@ -76,13 +86,37 @@ fn box_of_networks() -> String {
 
 #[test]
 fn newton_converges_quadratically_with_a_network_at_every_element() {
-    let results = run::<Sparse>(&box_of_networks(), |_| ());
+    assert_quadratic(&run::<Sparse>(&box_of_networks(), |_| ()));
+}
+
+/// Checks the order of convergence of the last three residuals above the tolerance of each step.
+fn assert_quadratic(results: &Results) {
     assert_eq!(results.steps.len(), 2);
     for step in &results.steps {
         let above: Vec<f64> = step.newton.relative.iter().copied().filter(|&r| r > 1e-12).collect();
         let [.., r1, r2, r3] = above.as_slice() else { panic!("too few residuals: {:?}", step.newton.relative) };
         let order = (r3 / r2).ln() / (r2 / r1).ln();
         assert!(order >= 1.8, "step {}: order {order:.2} from {above:?}", step.step);
+    }
+}
+
+/// The history does not depend on the number of threads, bit for bit.
+#[test]
+fn newton_converges_quadratically_with_a_network_at_every_point_of_other_elements() {
+    for (element, cells, order) in [
+        ("tet4", [1, 1, 1], "order = 2"),
+        ("hex8", [2, 1, 1], ""),
+        ("hex8", [1, 1, 1], "order = 2"),
+        ("wedge6", [2, 1, 1], ""),
+    ] {
+        let text = box_of(element, cells, order);
+        let on = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| run::<Sparse>(&text, |_| ()))
+        };
+        let (results, others) = (on(1), on(3));
+        assert_quadratic(&results);
+        assert_eq!(results.loads, others.loads, "{element} {order}: bit for bit");
     }
 }
 

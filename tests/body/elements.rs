@@ -3,7 +3,9 @@
 use std::sync::Arc;
 
 use biotissue::backends::sparse::Sparse;
-use biotissue::fem::boundary::{Conditions, LoadCurve, PointCondition, PointLocation, SurfaceCondition, Traction};
+use biotissue::fem::boundary::{
+    BodyForce, Conditions, LoadCurve, PointCondition, PointLocation, SurfaceCondition, Traction,
+};
 use biotissue::fem::element::ElementType;
 use biotissue::fem::material::NeoHookean;
 use biotissue::fem::mesh::{Mesh, shapes};
@@ -12,31 +14,9 @@ use biotissue::fem::stepping::{StepParams, Stepper};
 use biotissue::las::NewtonParams;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
-const MATERIAL: NeoHookean = NeoHookean { mu: 3.0e3, lambda: 5.0e3 };
+use crate::meshes::{distorted, is_on_boundary_of_mixed, mixed, moved};
 
-/// The unit cube, whose inner corners are moved; the nodes between corners stay at their centers.
-fn distorted(element_type: ElementType, cells: usize) -> Mesh {
-    let linear = match element_type {
-        ElementType::Tet10 => ElementType::Tet4,
-        ElementType::Hex20 | ElementType::Hex27 => ElementType::Hex8,
-        other => other,
-    };
-    let regular = shapes::cuboid_of(linear, [cells; 3], [1.0; 3]).unwrap();
-    let is_inner = |x: &[f64; 3]| x.iter().all(|&c| c > 1e-9 && c < 1.0 - 1e-9);
-    let nodes = regular.nodes().iter().map(|&x| {
-        let wave = |i: usize| (7.0 * x[i] + 11.0 * x[(i + 1) % 3] + 5.0 * x[(i + 2) % 3]).sin();
-        let by = if is_inner(&x) { 0.15 / cells as f64 } else { 0.0 };
-        std::array::from_fn(|i| x[i] + by * wave(i))
-    });
-    let (elements, regions) = (regular.elements().clone(), regular.regions().to_vec());
-    let mesh = Mesh::new(nodes.collect(), elements, regular.region_of().to_vec(), regions, regular.surfaces().to_vec())
-        .unwrap();
-    match element_type {
-        ElementType::Tet10 | ElementType::Hex20 => mesh.quadratic(Default::default()).unwrap(),
-        ElementType::Hex27 => mesh.quadratic(biotissue::fem::mesh::QuadraticHexahedron::Triquadratic).unwrap(),
-        _ => mesh,
-    }
-}
+const MATERIAL: NeoHookean = NeoHookean { mu: 3.0e3, lambda: 5.0e3 };
 
 fn params() -> StepParams {
     let mut newton = NewtonParams::default();
@@ -44,14 +24,27 @@ fn params() -> StepParams {
     StepParams { count: 2, newton, ..StepParams::default() }
 }
 
+/// The meshes of the patch test: all element types, patches of the F-bar method, and a mixed body.
+fn meshes(cells: usize) -> Vec<(String, Mesh)> {
+    let plain = ElementType::ALL.map(|element_type| (element_type.name().into(), distorted(element_type, cells)));
+    let patches = [ElementType::Tet4, ElementType::Hex8].map(|element_type| {
+        let mesh = distorted(element_type, cells).with_patches(|_| true);
+        (format!("{} with F-bar", element_type.name()), mesh)
+    });
+    let mixed = [("mixed".into(), mixed()), ("mixed with F-bar".into(), mixed().with_patches(|_| true))];
+    plain.into_iter().chain(patches).chain(mixed).collect()
+}
+
 #[test]
 fn the_patch_test_is_exact() {
-    for element_type in ElementType::ALL {
-        let mesh = distorted(element_type, 3);
+    for (name, mesh) in meshes(3) {
         let f = Matrix3::new(1.2, 0.3, -0.1, 0.05, 0.9, 0.2, -0.2, 0.1, 1.1);
         let exact: Vec<[f64; 3]> =
             mesh.nodes().iter().map(|&x| ((f - Matrix3::identity()) * Vector3::from(x)).into()).collect();
-        let on_boundary = |x: &[f64; 3]| x.iter().any(|&c| c == 0.0 || c == 1.0);
+        let on_boundary = |x: &[f64; 3]| match name.starts_with("mixed") {
+            true => is_on_boundary_of_mixed(x),
+            false => x.iter().any(|&c| c == 0.0 || c == 1.0),
+        };
         let prescribed = (0..exact.len()).filter(|&a| on_boundary(&mesh.nodes()[a])).map(|a| PointCondition {
             place: PointLocation::Node(a),
             displacement: exact[a].map(Some),
@@ -64,32 +57,31 @@ fn the_patch_test_is_exact() {
         assert!(stepper.unknowns() >= 3 * 8);
         let displacements = &stepper.state().displacements;
         for (u, exact) in displacements.iter().flatten().zip(exact.iter().flatten()) {
-            assert!((u - exact).abs() < 1e-12, "{element_type:?}: {u} {exact}");
+            assert!((u - exact).abs() < 1e-12, "{name}: {u} {exact}");
         }
         for gradient in &stepper.state().gradients {
-            assert!((gradient - f).norm() < 1e-11, "{element_type:?}: {gradient}");
+            assert!((gradient - f).norm() < 1e-11, "{name}: {gradient}");
         }
     }
 }
 
-/// A box pulled and sheared at one end by a dead traction, in the given frame. Returns the displacements of all nodes.
-fn pulled(element_type: ElementType, frame: &Rotation3<f64>) -> Vec<Vector3<f64>> {
-    let plain = shapes::cuboid_of(element_type, [2, 2, 2], [1.0, 0.6, 0.5]).unwrap();
-    let nodes = plain.nodes().iter().map(|&x| (frame * Vector3::from(x)).into()).collect();
-    let mesh = Mesh::new(
-        nodes,
-        plain.elements().clone(),
-        plain.region_of().to_vec(),
-        plain.regions().to_vec(),
-        plain.surfaces().to_vec(),
-    );
-    let mesh = Arc::new(mesh.unwrap());
-    let clamped = SurfaceCondition { surface: "x0".into(), displacement: [Some(0.0); 3], curve: LoadCurve::Ramp };
+/// Returns the displacements of all nodes of a body of unit size in the given frame, clamped in the plane `z = 0` and
+/// loaded by a body force.
+fn bent(mesh: &Mesh, frame: &Rotation3<f64>) -> Vec<Vector3<f64>> {
+    let clamped = (0..mesh.nodes().len()).filter(|&node| mesh.nodes()[node][2] == 0.0).map(|node| PointCondition {
+        place: PointLocation::Node(node),
+        displacement: [Some(0.0); 3],
+        curve: LoadCurve::Ramp,
+    });
     let value = (frame * Vector3::new(700.0, 150.0, -200.0)).into();
-    let traction = Traction { surface: "x1".into(), value, curve: LoadCurve::Ramp };
-    let conditions = Conditions { surfaces: vec![clamped], loads: vec![Arc::new(traction)], ..Conditions::default() };
-    let field = FormulaField::uniform(MATERIAL, &mesh);
-    let mut stepper = Stepper::<Sparse, _>::new(&(), mesh, &conditions, field, params()).unwrap();
+    let force = BodyForce { region: "*".into(), value, curve: LoadCurve::Ramp };
+    let points = clamped.collect();
+    let conditions = Conditions { points, loads: vec![Arc::new(force)], ..Conditions::default() };
+    let turned = moved(mesh, |&x| (frame * Vector3::from(x)).into());
+    let turned = Arc::new(if mesh.patches().is_empty() { turned } else { turned.with_patches(|_| true) });
+    assert_eq!(mesh.patches(), turned.patches());
+    let field = FormulaField::uniform(MATERIAL, &turned);
+    let mut stepper = Stepper::<Sparse, _>::new(&(), turned, &conditions, field, params()).unwrap();
     stepper.run(&mut ()).unwrap();
     stepper.state().displacements.iter().map(|&u| Vector3::from(u)).collect()
 }
@@ -97,13 +89,25 @@ fn pulled(element_type: ElementType, frame: &Rotation3<f64>) -> Vec<Vector3<f64>
 #[test]
 fn results_do_not_depend_on_the_frame() {
     let turned = Rotation3::from_euler_angles(0.7, -0.4, 1.9);
-    for element_type in ElementType::ALL {
-        let (plain, rotated) = (pulled(element_type, &Rotation3::identity()), pulled(element_type, &turned));
-        assert!(plain.iter().map(Vector3::norm).fold(0.0, f64::max) > 0.05);
+    for (name, mesh) in meshes(2) {
+        let (plain, rotated) = (bent(&mesh, &Rotation3::identity()), bent(&mesh, &turned));
+        assert!(plain.iter().map(Vector3::norm).fold(0.0, f64::max) > 0.05, "{name}");
         for (u, v) in plain.iter().zip(&rotated) {
-            assert!((turned * u - v).norm() < 1e-11, "{element_type:?}: {u} {v}");
+            assert!((turned * u - v).norm() < 1e-11, "{name}: {u} {v}");
         }
     }
+}
+
+/// Returns the displacements of all nodes of a box that a dead traction pulls and shears at one end.
+fn pulled(element_type: ElementType) -> Vec<Vector3<f64>> {
+    let mesh = Arc::new(shapes::cuboid_of(element_type, [2, 2, 2], [1.0, 0.6, 0.5]).unwrap());
+    let clamped = SurfaceCondition { surface: "x0".into(), displacement: [Some(0.0); 3], curve: LoadCurve::Ramp };
+    let traction = Traction { surface: "x1".into(), value: [700.0, 150.0, -200.0], curve: LoadCurve::Ramp };
+    let conditions = Conditions { surfaces: vec![clamped], loads: vec![Arc::new(traction)], ..Conditions::default() };
+    let field = FormulaField::uniform(MATERIAL, &mesh);
+    let mut stepper = Stepper::<Sparse, _>::new(&(), mesh, &conditions, field, params()).unwrap();
+    stepper.run(&mut ()).unwrap();
+    stepper.state().displacements.iter().map(|&u| Vector3::from(u)).collect()
 }
 
 /// All element types approximate the same solution: the quadratic ones agree better than the linear ones.
@@ -112,7 +116,7 @@ fn element_types_agree() {
     let end = |element_type: ElementType| {
         let plain = shapes::cuboid_of(element_type, [2, 2, 2], [1.0, 0.6, 0.5]).unwrap();
         let (corner, _) = plain.nearest_node([1.0, 0.6, 0.5]);
-        pulled(element_type, &Rotation3::identity())[corner]
+        pulled(element_type)[corner]
     };
     let best = end(ElementType::Hex27);
     let error = |element_type| (end(element_type) - best).norm() / best.norm();

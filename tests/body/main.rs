@@ -16,7 +16,17 @@ mod elements;
 mod equilibrium;
 mod gmsh;
 #[cfg(feature = "sparse")]
+mod heart_beam;
+#[cfg(feature = "sparse")]
+mod meshes;
+#[cfg(feature = "sparse")]
+mod other_code;
+#[cfg(feature = "sparse")]
 mod pressure;
 mod rigid_surfaces;
 #[cfg(feature = "sparse")]
 mod state_dependent_loads;
+#[cfg(feature = "sparse")]
+mod stiffness;
+#[cfg(feature = "sparse")]
+mod thick_walls;

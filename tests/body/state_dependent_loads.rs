@@ -3,19 +3,19 @@
 use std::sync::Arc;
 
 use biotissue::backends::sparse::Sparse;
-use biotissue::fem::assembly::{Assembler, Unknowns, geometry};
 use biotissue::fem::boundary::{
-    Boundary, BoundaryError, Conditions, CoupledNodes, Load, LoadCondition, LoadCurve, Source, SurfaceCondition,
-    Traction, find_surface,
+    BoundaryError, Conditions, CoupledNodes, Load, LoadCondition, LoadCurve, Source, SurfaceCondition, Traction,
+    find_surface,
 };
-use biotissue::fem::equilibrium::Equilibrium;
 use biotissue::fem::material::NeoHookean;
 use biotissue::fem::mesh::{Faces, Mesh, Surface, shapes};
 use biotissue::fem::point_field::FormulaField;
 use biotissue::fem::reactions::SurfaceForce;
 use biotissue::fem::stepping::{StepParams, Stepper};
-use biotissue::las::{Backend, MatrixOps, NonlinearProblem, Symmetry, VectorOps};
+use biotissue::las::Symmetry;
 use nalgebra::{Matrix3, Vector3};
+
+use crate::stiffness::assert_tangent_is_the_derivative;
 
 const SOFT: NeoHookean = NeoHookean { mu: 3.0e3, lambda: 5.0e3 };
 
@@ -160,8 +160,8 @@ impl LoadCondition for Pressure {
     }
 }
 
-fn beam() -> Arc<Mesh> {
-    Arc::new(shapes::cuboid([4, 2, 2], [1.0, 0.4, 0.4]).unwrap())
+fn beam() -> Mesh {
+    shapes::cuboid([4, 2, 2], [1.0, 0.4, 0.4]).unwrap()
 }
 
 fn foundation() -> Foundation {
@@ -187,7 +187,7 @@ fn under_pressure() -> Conditions {
 
 /// Runs two load steps and checks that Newton converges quadratically in each.
 fn run(conditions: &Conditions) -> Stepper<Sparse, FormulaField> {
-    let mesh = beam();
+    let mesh = Arc::new(beam());
     let mut params = StepParams { count: 2, max_cuts: 0, ..StepParams::default() };
     params.newton.tolerance = 1e-12;
     let field = FormulaField::uniform(SOFT, &mesh);
@@ -231,49 +231,6 @@ fn newton_converges_quadratically_with_state_dependent_loads() {
 #[test]
 fn the_stiffness_is_the_derivative_of_the_residual() {
     for conditions in [on_springs(), under_pressure()] {
-        let mesh = beam();
-        let nodes = mesh.nodes().len();
-        let boundary = Boundary::new(&mesh, &conditions).unwrap();
-        let prescribed = boundary.prescribed_mask(nodes);
-        let unknowns = Unknowns::new(nodes, |node, component| prescribed[node][component]).unwrap();
-        let mut k = Sparse::matrix(&(), &Arc::new(unknowns.pattern(&mesh).unwrap())).unwrap();
-        let mut assembler = Assembler::<Sparse>::new(geometry(&mesh).unwrap(), &unknowns, &k).unwrap();
-        assembler.locate_loads(boundary.loads(), &k).unwrap();
-        let field = FormulaField::uniform(SOFT, &mesh);
-        let mut body = Equilibrium::<Sparse, _>::new(mesh, boundary, assembler, field).unwrap();
-        let n = unknowns.free();
-        let rows: Vec<i32> = (0..n as i32).collect();
-        let vector = |values: &dyn Fn(usize) -> f64| {
-            let mut vector = Sparse::vector(&(), n).unwrap();
-            vector.set(&rows, &(0..n).map(values).collect::<Vec<f64>>()).unwrap();
-            vector
-        };
-        let residual = |body: &mut Equilibrium<Sparse, FormulaField>| {
-            let mut r = vector(&|_| 0.0);
-            body.residual(&mut r).unwrap();
-            let mut values = vec![0.0; n];
-            r.get(&rows, &mut values).unwrap();
-            values
-        };
-        body.begin_step(0.7);
-        body.advance(1.0, &vector(&|j| 0.01 * (7.0 * j as f64).sin())).unwrap();
-        residual(&mut body);
-        body.jacobian(&mut k).unwrap();
-        k.finish().unwrap();
-        let h = 1e-6;
-        for column in 0..n {
-            let along = vector(&|j| if j == column { 1.0 } else { 0.0 });
-            body.advance(h, &along).unwrap();
-            let up = residual(&mut body);
-            body.advance(-2.0 * h, &along).unwrap();
-            let down = residual(&mut body);
-            body.advance(h, &along).unwrap();
-            let mut entries = vec![0.0; n];
-            k.get(&rows, &[column as i32], &mut entries).unwrap();
-            for (row, entry) in entries.into_iter().enumerate() {
-                let slope = (up[row] - down[row]) / (2.0 * h);
-                assert!((slope - entry).abs() < 1e-5, "({row}, {column}): {entry}, slope {slope}: {conditions:?}");
-            }
-        }
+        assert_tangent_is_the_derivative(beam(), SOFT, &conditions, 1e-5);
     }
 }

@@ -2,6 +2,7 @@
 #![cfg(feature = "app")]
 
 mod arguments;
+mod element_ranks;
 mod elements;
 mod files;
 mod loads;

@@ -470,6 +470,12 @@ mod processes {
         }
     }
 
+    #[test]
+    fn results_do_not_depend_on_processes_for_any_element_type() {
+        let _turn = one_at_a_time();
+        crate::element_ranks::assert_results_do_not_depend_on_ranks(mpirun_done);
+    }
+
     #[cfg(feature = "hwloc")]
     #[test]
     fn processes_near_each_other_give_the_same_results() {

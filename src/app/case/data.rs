@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use crate::fem::boundary::LoadCurve;
 use crate::fem::element::ElementType;
 use crate::fem::mesh::QuadraticHexahedron;
+use crate::fem::mesh::shapes::TubeShape;
 use crate::fem::stepping::{AdaptiveIncrements, StepStart};
 use crate::las::Method;
 use crate::tissue::materials::{ElementSelection, Materials, Region, RegionMaterial, RveParams};
@@ -65,6 +66,15 @@ pub enum MeshSource {
         cells: [usize; 3],
         /// Edge lengths, in mesh units.
         size: [f64; 3],
+        /// The type of the elements, of order 1.
+        element: ElementType,
+    },
+    /// The built-in tube.
+    Tube {
+        /// Cells through the wall, around the axis and along it.
+        cells: [usize; 3],
+        /// The dimensions, in mesh units.
+        shape: TubeShape,
         /// The type of the elements, of order 1.
         element: ElementType,
     },

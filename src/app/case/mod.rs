@@ -15,7 +15,7 @@
 //! title = "Block in tension"               # the name of the file where absent
 //!
 //! [mesh]                                   # a file of Gmsh or VTK: file = "block.msh" or "block.vtu"; or a built-in
-//!                                          ## shape: "box", or "dogbone" with an element_size in mesh units
+//!                                          ## shape: "box", "tube" (below), or "dogbone" with an element_size in mesh units
 //! generate = { shape = "box", cells = [4, 2, 2], size = [2.0, 1.0, 1.0] }
 //! scale = 0.001                            # default 1.0: a mesh unit is a meter
 //!
@@ -262,10 +262,17 @@
 //! hexahedra = 27                           # nodes of a hexahedron of order 2; default 20
 //! ```
 //!
-//! The box consists of six tetrahedra per cell (`tet4`), of two wedges (`wedge6`), or of one hexahedron (`hex8`).
+//! ```toml
+//! [mesh]                                   # a hollow cylinder around the z axis, from z = 0; lengths in mesh units
+//! generate = { shape = "tube", cells = [2, 16, 20], inner_radius = 3.0, outer_radius = 4.0, length = 50.0 }
+//! ```
+//!
+//! The box and the tube consist of six tetrahedra per cell (`tet4`), of two wedges (`wedge6`), or of one hexahedron
+//! (`hex8`). The `cells` of the tube are those through its wall, around its axis (3 or more) and along it; its region is
+//! `wall`, its surfaces are `inner`, `outer`, `z0` and `z1`. With elements of order 1 it is a prism.
 //! `order = 2` replaces linear tetrahedra by those of 10 nodes, and linear hexahedra by those of 20 or 27 nodes, in any
 //! source of the mesh; the new nodes lie at the centers of edges, faces and elements, so that curved surfaces do not
-//! become smoother. There are no wedges of order 2. A mesh that is of order 2 in its file needs no `order`.
+//! become smoother. Only those of the tube lie on its cylinders. There are no wedges of order 2. A mesh that is of order 2 in its file needs no `order`.
 //!
 //! A `.vtu` file (`file = "body.vtu"`) has numbers instead of names: the regions `region_1`, `region_2`, ... and the
 //! surfaces `surface_1`, ... are the values of an integer array `region` of its cells ([`crate::app::vtu`]).

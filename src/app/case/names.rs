@@ -81,7 +81,7 @@ impl Case {
     fn mesh_file(&self) -> String {
         match &self.mesh {
             MeshSource::File(file) => format!(" {}", file.display()),
-            MeshSource::Box { .. } | MeshSource::Dogbone { .. } => String::new(),
+            MeshSource::Box { .. } | MeshSource::Tube { .. } | MeshSource::Dogbone { .. } => String::new(),
         }
     }
 }

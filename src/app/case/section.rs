@@ -4,6 +4,7 @@ use std::path::Path;
 
 use crate::fem::element::ElementType;
 use crate::fem::mesh::QuadraticHexahedron;
+use crate::fem::mesh::shapes::TubeShape;
 use crate::fem::stepping::{AdaptiveIncrements, StepStart};
 use crate::fiber::equilibrium::{Stage, Stages};
 use crate::tissue::materials::{ElementSelection, RveParams};
@@ -67,7 +68,9 @@ fn quadratic(table: &mut Table<'_>, source: Option<&MeshSource>) -> Option<Quadr
         hexahedra.report_error("is given without `order = 2`", expected, "add `order = 2`, or remove `hexahedra`");
     }
     let order = order.filter(|_| number == Some(2))?;
-    if matches!(source, Some(MeshSource::Box { element: ElementType::Wedge6, .. })) {
+    let wedges = ElementType::Wedge6;
+    if matches!(source, Some(MeshSource::Box { element, .. } | MeshSource::Tube { element, .. }) if *element == wedges)
+    {
         let cure = "remove `order`, or write element = \"tet4\" or \"hex8\"";
         order.report_error("is 2, but there are no wedges of order 2", "tetrahedra or hexahedra", cure);
         return None;
@@ -94,21 +97,22 @@ fn mesh_file(value: &Value<'_>, base: &Path) -> Option<MeshSource> {
 #[derive(Clone, Copy)]
 enum Shape {
     Box,
+    Tube,
     Dogbone,
 }
 
 fn generated(mut table: Table<'_>) -> Option<MeshSource> {
-    let shapes = [("box", Shape::Box), ("dogbone", Shape::Dogbone)];
-    let source = match table.require("shape", "\"box\" or \"dogbone\"")?.choice(&shapes)? {
+    let shapes = [("box", Shape::Box), ("tube", Shape::Tube), ("dogbone", Shape::Dogbone)];
+    let source = match table.require("shape", "\"box\", \"tube\" or \"dogbone\"")?.choice(&shapes)? {
         Shape::Box => {
-            let cells = table.require("cells", "three whole numbers above 0: along x, y, z").and_then(|v| cells_of(&v));
+            let cells = cells_of(&mut table, "along x, y, z");
             let size = table
                 .require("size", "three numbers above 0, in mesh units: x, y, z")
                 .and_then(|value| value.vector(Range::above(0.0, "mesh units")));
-            let types = [ElementType::Tet4, ElementType::Hex8, ElementType::Wedge6].map(|each| (each.name(), each));
-            let element = table.get("element").map_or(Some(ElementType::Tet4), |value| value.choice(&types));
+            let element = element(&mut table);
             cells.zip(size).zip(element).map(|((cells, size), element)| MeshSource::Box { cells, size, element })
         }
+        Shape::Tube => tube(&mut table),
         Shape::Dogbone => table
             .required_number("element_size", Range::above(0.0, "mesh units"))
             .map(|element_size| MeshSource::Dogbone { element_size }),
@@ -117,9 +121,41 @@ fn generated(mut table: Table<'_>) -> Option<MeshSource> {
     source
 }
 
-/// Reads the numbers of cells of a box and reports an error if six elements per cell are too many.
-fn cells_of(value: &Value<'_>) -> Option<[usize; 3]> {
-    let cells = value.integer_vector(&(1..=1_000_000))?;
+/// Reads the type of the elements of order 1 of a box or a tube.
+fn element(table: &mut Table<'_>) -> Option<ElementType> {
+    let types = [ElementType::Tet4, ElementType::Hex8, ElementType::Wedge6].map(|each| (each.name(), each));
+    table.get("element").map_or(Some(ElementType::Tet4), |value| value.choice(&types))
+}
+
+fn tube(table: &mut Table<'_>) -> Option<MeshSource> {
+    let cells = cells_of(table, "through the wall, around the axis, along it");
+    if let Some([_, around @ ..3, _]) = cells {
+        table.report(
+            &format!("has `cells` with {around} around the axis"),
+            "3 or more around the axis",
+            "raise the second of the three numbers, for example to 16",
+        );
+    }
+    let mut length = |key| table.required_number(key, Range::above(0.0, "mesh units"));
+    let (inner, outer, length) = (length("inner_radius"), length("outer_radius"), length("length"));
+    if let (Some(inner), Some(outer)) = (inner, outer)
+        && inner >= outer
+    {
+        table.report(
+            &format!("has an `inner_radius` of {inner} that is not below its `outer_radius` of {outer}"),
+            "inner_radius < outer_radius, both in mesh units",
+            "change one of the two",
+        );
+    }
+    let element = element(table)?;
+    let shape = TubeShape { inner_radius: inner?, outer_radius: outer?, length: length? };
+    Some(MeshSource::Tube { cells: cells?, shape, element })
+}
+
+/// Reads the numbers of cells of a box or a tube and reports an error if six elements per cell are too many.
+fn cells_of(table: &mut Table<'_>, directions: &str) -> Option<[usize; 3]> {
+    let value = table.require("cells", &format!("three whole numbers above 0: {directions}"))?;
+    let cells = value.integer_vector(&(1..=1_000_000), directions)?;
     let elements = cells.iter().try_fold(6_usize, |product, &count| product.checked_mul(count));
     if elements.is_none_or(|elements| elements > MOST_ELEMENTS) {
         let complaint = format!("requests 6 * {} * {} * {} elements", cells[0], cells[1], cells[2]);

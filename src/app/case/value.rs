@@ -176,9 +176,9 @@ impl<'d> Value<'d> {
         Some([x?, y?, z?])
     }
 
-    /// Reads three integers: along x, y, z.
-    pub(super) fn integer_vector(&self, range: &RangeInclusive<usize>) -> Option<[usize; 3]> {
-        let expected = format!("three whole numbers from {} to {}: along x, y, z", range.start(), range.end());
+    /// Reads three integers; `what` describes them.
+    pub(super) fn integer_vector(&self, range: &RangeInclusive<usize>, what: &str) -> Option<[usize; 3]> {
+        let expected = format!("three whole numbers from {} to {}: {what}", range.start(), range.end());
         let components = self.exactly::<3>(&expected, "three whole numbers in brackets, such as [4, 4, 4]")?;
         let [x, y, z] = components.map(|component| component.integer(range));
         Some([x?, y?, z?])

@@ -9,6 +9,7 @@ use std::path::Path;
 use crate::fem::boundary::LoadCurve;
 use crate::fem::element::ElementType;
 use crate::fem::mesh::QuadraticHexahedron;
+use crate::fem::mesh::shapes::TubeShape;
 use crate::fem::stepping::StepStart;
 use crate::fiber::equilibrium::Stage;
 use crate::fiber::law::{FiberLaw, FiberMaterial, Law};
@@ -168,14 +169,28 @@ fn mesh(source: &MeshSource) -> Entry<'static> {
     match source {
         MeshSource::File(file) => path("file", file),
         MeshSource::Box { cells, size, element } => {
-            let element = (*element != ElementType::Tet4).then(|| entry("element", element.name()));
             let entries = [entry("shape", "box"), entry("cells", cells), entry("size", size)];
-            table("generate", entries.into_iter().chain(element))
+            table("generate", entries.into_iter().chain(element_entry(*element)))
+        }
+        MeshSource::Tube { cells, shape, element } => {
+            let TubeShape { inner_radius, outer_radius, length } = shape;
+            let entries = [
+                entry("shape", "tube"),
+                entry("cells", cells),
+                entry("inner_radius", inner_radius),
+                entry("outer_radius", outer_radius),
+                entry("length", length),
+            ];
+            table("generate", entries.into_iter().chain(element_entry(*element)))
         }
         MeshSource::Dogbone { element_size } => {
             table("generate", [entry("shape", "dogbone"), entry("element_size", element_size)])
         }
     }
+}
+
+fn element_entry(element: ElementType) -> Option<Entry<'static>> {
+    (element != ElementType::Tet4).then(|| entry("element", element.name()))
 }
 
 fn quadratic_entries(hexahedra: QuadraticHexahedron) -> [Entry<'static>; 2] {

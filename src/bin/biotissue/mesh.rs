@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use biotissue::fem::element::{CellType, ElementType};
 use biotissue::fem::mesh::gmsh::{self, Version, WriteOptions};
-use biotissue::fem::mesh::shapes::{self, DogboneShape, ShapeError};
+use biotissue::fem::mesh::shapes::{self, DogboneShape, ShapeError, TubeShape};
 use biotissue::fem::mesh::{Faces, Mesh, MeshError, QuadraticHexahedron, Surface};
 use clap::{Args, Subcommand, ValueEnum};
 
@@ -26,7 +26,29 @@ pub enum MeshCommand {
         size: [f64; 3],
         /// Elements: six tetrahedra per cell, one hexahedron, or two wedges
         #[arg(long, value_enum, default_value = "tet4")]
-        element: BoxElement,
+        element: LinearElement,
+        #[command(flatten)]
+        order: Order,
+        #[command(flatten)]
+        output: Output,
+    },
+    /// A hollow cylinder around z, from z = 0: region `wall`, surfaces inner, outer, z0, z1
+    Tube {
+        /// Cells through the wall, around the axis and along it
+        #[arg(long, value_name = "NR,NA,NZ", value_parser = three::<usize>, allow_hyphen_values = true)]
+        cells: [usize; 3],
+        /// Radius of the lumen, in meters
+        #[arg(long, value_name = "M", value_parser = real, allow_hyphen_values = true)]
+        inner_radius: f64,
+        /// Outer radius, in meters
+        #[arg(long, value_name = "M", value_parser = real, allow_hyphen_values = true)]
+        outer_radius: f64,
+        /// Length along z, in meters
+        #[arg(long, value_name = "M", value_parser = real, allow_hyphen_values = true)]
+        length: f64,
+        /// Elements: six tetrahedra per cell, one hexahedron, or two wedges
+        #[arg(long, value_enum, default_value = "tet4")]
+        element: LinearElement,
         #[command(flatten)]
         order: Order,
         #[command(flatten)]
@@ -47,16 +69,26 @@ pub enum MeshCommand {
 }
 
 #[derive(Clone, Copy, ValueEnum)]
-pub enum BoxElement {
+pub enum LinearElement {
     Tet4,
     Hex8,
     Wedge6,
 }
 
+impl LinearElement {
+    fn element_type(self) -> ElementType {
+        match self {
+            Self::Tet4 => ElementType::Tet4,
+            Self::Hex8 => ElementType::Hex8,
+            Self::Wedge6 => ElementType::Wedge6,
+        }
+    }
+}
+
 /// The order of the elements.
 #[derive(Args)]
 pub struct Order {
-    /// Order of the elements; 2 adds nodes at the centers of edges
+    /// Order of the elements; 2 adds nodes at the centers of edges, on the tube along its curved surfaces
     #[arg(long, value_name = "1|2", value_parser = clap::value_parser!(u8).range(1..=2), default_value = "1")]
     order: u8,
     /// Nodes of a hexahedron of order 2; 27 adds the centers of faces and elements [default: 20]
@@ -65,8 +97,8 @@ pub struct Order {
 }
 
 impl Order {
-    /// Returns the mesh with elements of this order.
-    fn apply(&self, mesh: Mesh) -> Result<Mesh, Failure> {
+    /// Returns the mesh with elements of this order, which follow the cylinders of a tube.
+    fn apply(&self, mesh: Mesh, is_tube: bool) -> Result<Mesh, Failure> {
         let hexahedra = match self.hexahedra.as_deref() {
             Some(nodes) if self.order == 1 => {
                 let problem = format!("--hexahedra {nodes} is given without --order 2");
@@ -78,7 +110,11 @@ impl Order {
         if self.order == 1 {
             return Ok(mesh);
         }
-        mesh.quadratic(hexahedra).map_err(|error| match error {
+        let quadratic = match is_tube {
+            true => mesh.quadratic_between(hexahedra, shapes::between_on_tube),
+            false => mesh.quadratic(hexahedra),
+        };
+        quadratic.map_err(|error| match error {
             MeshError::NoQuadraticType { .. } => Failure::arguments(
                 "--order 2: there are no wedges of order 2",
                 "tetrahedra or hexahedra",
@@ -161,20 +197,20 @@ fn three<T: std::str::FromStr + Copy>(text: &str) -> Result<[T; 3], String> {
 
 /// Makes the mesh, writes it and prints a summary.
 pub fn run(command: MeshCommand) -> Result<(), Failure> {
+    let is_tube = matches!(command, MeshCommand::Tube { .. });
     let (mesh, order, output) = match command {
         MeshCommand::Box { cells, size, element, order, output } => {
-            let element = match element {
-                BoxElement::Tet4 => ElementType::Tet4,
-                BoxElement::Hex8 => ElementType::Hex8,
-                BoxElement::Wedge6 => ElementType::Wedge6,
-            };
-            (shapes::cuboid_of(element, cells, size), order, output)
+            (shapes::cuboid_of(element.element_type(), cells, size), order, output)
+        }
+        MeshCommand::Tube { cells, inner_radius, outer_radius, length, element, order, output } => {
+            let shape = TubeShape { inner_radius, outer_radius, length };
+            (shapes::tube(element.element_type(), cells, &shape), order, output)
         }
         MeshCommand::Dogbone { element_size, shape, order, output } => {
             (shapes::dogbone(&shape.shape(), element_size), order, output)
         }
     };
-    let mesh = order.apply(mesh.map_err(|error| shape_failure(&error))?)?;
+    let mesh = order.apply(mesh.map_err(|error| shape_failure(&error))?, is_tube)?;
     let version = match output.format {
         Format::V2_2 => Version::V2_2,
         Format::V4_1 => Version::V4_1,
@@ -189,6 +225,10 @@ pub fn run(command: MeshCommand) -> Result<(), Failure> {
 fn shape_failure(error: &ShapeError) -> Failure {
     let (expected, cure) = match error {
         ShapeError::NoCells(_) => ("at least one cell along each axis".to_owned(), "raise --cells"),
+        ShapeError::TubeCells(_) => ("at least 1, 3 and 1 cells".to_owned(), "raise --cells"),
+        ShapeError::NoWall { outer_radius, .. } => {
+            (format!("an inner radius below {outer_radius}"), "lower --inner-radius or raise --outer-radius")
+        }
         ShapeError::NotPositive { .. } => ("a positive, finite length in meters".to_owned(), "correct it"),
         ShapeError::TooManyElements(_) => {
             (format!("at most {} elements", shapes::MAX_ELEMENTS), "use fewer cells or larger elements")

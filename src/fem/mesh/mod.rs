@@ -7,7 +7,7 @@
 //! | `quadratic` | quadratic elements from linear ones |
 //! | `patches` | patches of linear elements that share one dilatation |
 //! | [`gmsh`] | reading and writing of Gmsh `.msh` files, versions 2.2 and 4.1 |
-//! | [`shapes`] | the built-in box and dogbone |
+//! | [`shapes`] | the built-in box, dogbone and tube |
 //!
 //! ```
 //! use biotissue::fem::mesh::shapes;

@@ -16,24 +16,23 @@ pub enum QuadraticHexahedron {
     Triquadratic,
 }
 
-/// The nodes between corners: the corners of an edge, a face or an element, ascending, and the node at their center.
-struct NewNodes {
+/// The nodes between corners: the corners of an edge, a face or an element, ascending, and the node between them.
+struct NewNodes<F> {
     positions: Vec<[f64; 3]>,
     of_corners: HashMap<Vec<u32>, u32>,
+    /// Returns the position of a node from those of the corners.
+    position: F,
 }
 
-impl NewNodes {
-    /// Returns the node at the center of these corners; creates it if it is new.
-    fn center(&mut self, mut corners: Vec<u32>) -> u32 {
+impl<F: Fn(&[[f64; 3]]) -> [f64; 3]> NewNodes<F> {
+    /// Returns the node between these corners; creates it if it is new.
+    fn between(&mut self, mut corners: Vec<u32>) -> u32 {
         corners.sort_unstable();
         if let Some(&node) = self.of_corners.get(&corners) {
             return node;
         }
-        let mut position = [0.0; 3];
-        for &corner in &corners {
-            let x = self.positions[corner as usize];
-            position.iter_mut().zip(x).for_each(|(sum, x)| *sum += x / corners.len() as f64);
-        }
+        let of_corners: Vec<[f64; 3]> = corners.iter().map(|&corner| self.positions[corner as usize]).collect();
+        let position = (self.position)(&of_corners);
         let node = self.positions.len() as u32;
         self.positions.push(position);
         self.of_corners.insert(corners, node);
@@ -55,13 +54,18 @@ impl NewNodes {
             for nodes in block.iter() {
                 let mut all = nodes.to_vec();
                 for corners in &between {
-                    all.push(self.center(corners.iter().map(|&corner| nodes[corner]).collect()));
+                    all.push(self.between(corners.iter().map(|&corner| nodes[corner]).collect()));
                 }
                 elevated.push(to, &all);
             }
         }
         elevated
     }
+}
+
+/// Returns the center of corners.
+fn center(corners: &[[f64; 3]]) -> [f64; 3] {
+    corners.iter().fold([0.0; 3], |sum, x| std::array::from_fn(|i| sum[i] + x[i] / corners.len() as f64))
 }
 
 impl Mesh {
@@ -71,11 +75,26 @@ impl Mesh {
     /// # Errors
     /// Returns [`MeshError::NoQuadraticType`] if the mesh has wedges.
     pub fn quadratic(&self, hexahedra: QuadraticHexahedron) -> Result<Self, MeshError> {
+        self.quadratic_between(hexahedra, center)
+    }
+
+    /// Returns the mesh with quadratic elements as [`Mesh::quadratic`] does, with new nodes at other positions:
+    /// `position` returns that of a node from the positions of the corners of its edge, face or element, m. This lets
+    /// the elements follow curved surfaces.
+    ///
+    /// # Errors
+    /// Returns [`MeshError::NoQuadraticType`] if the mesh has wedges, or another [`MeshError`] if the positions are not
+    /// finite or invert an element.
+    pub fn quadratic_between(
+        &self,
+        hexahedra: QuadraticHexahedron,
+        position: impl Fn(&[[f64; 3]]) -> [f64; 3],
+    ) -> Result<Self, MeshError> {
         if let Some((element, _)) = self.elements.typed().enumerate().find(|(_, (t, _))| *t == ElementType::Wedge6) {
             return Err(MeshError::NoQuadraticType { element });
         }
         let is_serendipity = hexahedra == QuadraticHexahedron::Serendipity;
-        let mut new = NewNodes { positions: self.nodes.clone(), of_corners: HashMap::new() };
+        let mut new = NewNodes { positions: self.nodes.clone(), of_corners: HashMap::new(), position };
         let elements: Elements = new.elevate(
             &self.elements,
             |element_type| match element_type {

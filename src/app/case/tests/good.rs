@@ -5,6 +5,7 @@ use super::{FULL, Folder, SMALL};
 use crate::fem::element::ElementType;
 use crate::fem::material::NeoHookean;
 use crate::fem::mesh::QuadraticHexahedron;
+use crate::fem::mesh::shapes::TubeShape;
 use crate::fiber::equilibrium::{Stage, Stages};
 use crate::fiber::law::{FiberMaterial, Law};
 use crate::las::{Iterative, Krylov, Method, Preconditioner};
@@ -136,6 +137,11 @@ fn elements_and_their_order_are_read() {
     let case = read(&format!("hexahedra = 27\n{boxed}\norder = 2"));
     assert_eq!(case.quadratic, Some(QuadraticCase { hexahedra: QuadraticHexahedron::Triquadratic, line: 4 }));
     assert_eq!(read(&format!("{boxed}\norder = 1")).quadratic, None);
+    let lengths = "inner_radius = 3, outer_radius = 4.5, length = 50";
+    let case = read(&format!("generate = {{ shape = \"tube\", cells = [2, 16, 20], {lengths} }}\norder = 2"));
+    let (shape, element) = (TubeShape { inner_radius: 3.0, outer_radius: 4.5, length: 50.0 }, ElementType::Tet4);
+    assert_eq!(case.mesh, MeshSource::Tube { cells: [2, 16, 20], shape, element });
+    assert_eq!(case.quadratic.map(|each| each.line), Some(3));
     let case = read("generate = { shape = \"dogbone\", element_size = 0.002 }\norder = 2");
     assert_eq!(case.quadratic.map(|each| each.hexahedra), Some(QuadraticHexahedron::Serendipity));
 }

@@ -44,6 +44,10 @@ fn written_case_reads_the_same_from_another_folder() {
         ),
         FULL.replace("file = \"sample.msh\"", "file = \"sample.msh\"\norder = 2"),
         FULL.replace("file = \"sample.msh\"", &boxed.replace(" }", ", element = \"wedge6\" }\norder = 1")),
+        FULL.replace(
+            "file = \"sample.msh\"",
+            r#"generate = { shape = "tube", cells = [1, 9, 2], inner_radius = 0.1, outer_radius = 0.3, length = 1e-3 }"#,
+        ),
         FULL.replace("file = \"sample.msh\"", boxed).replace("\"cycle\"", "\"random\""),
         FULL.replace("\"Dogbone in tension\"", r#""a \"b\" \\ \n \u0001 é ' '''""#),
         format!(

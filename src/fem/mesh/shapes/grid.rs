@@ -136,7 +136,7 @@ impl Grid {
     }
 
     /// Returns the grid indices of a node.
-    fn grid_indices(&self, node: u32) -> [usize; 3] {
+    pub fn grid_indices(&self, node: u32) -> [usize; 3] {
         let (row, layer) = (self.cells[0] + 1, self.cells[1] + 1);
         let node = node as usize;
         [node % row, node / row % layer, node / (row * layer)]

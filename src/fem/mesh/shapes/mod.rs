@@ -1,16 +1,18 @@
-//! Built-in meshes: the box and the dogbone.
+//! Built-in meshes: the box, the dogbone and the tube.
 //!
-//! Both are grids of hexahedra cut into six tetrahedra each ([`KUHN`]). Adjacent cells cut their common face along the
+//! All are grids of hexahedra, which may be cut into six tetrahedra each ([`KUHN`]). Adjacent cells cut their common face along the
 //! same diagonal, so the mesh is conforming.
 
 mod axial_grading;
 mod cuboid;
 mod dogbone;
 mod grid;
+mod tube;
 
 pub use cuboid::{cuboid, cuboid_of};
 pub use dogbone::{DogboneShape, dogbone};
 pub use grid::KUHN;
+pub use tube::{TubeShape, between_on_tube, tube};
 
 use super::MeshError;
 use thiserror::Error;
@@ -69,6 +71,17 @@ pub enum ShapeError {
         taken: f64,
         /// Length of the sample.
         length: f64,
+    },
+    /// A tube has too few cells. The value is the number of cells through the wall, around the axis and along it.
+    #[error("{0:?} cells through the wall, around the axis and along it: there must be at least 1, 3 and 1")]
+    TubeCells([usize; 3]),
+    /// The inner radius of a tube is not below the outer one.
+    #[error("an inner radius of {inner_radius} is not below the outer radius, {outer_radius}")]
+    NoWall {
+        /// The inner radius.
+        inner_radius: f64,
+        /// The outer radius.
+        outer_radius: f64,
     },
     /// Elements are flat in floating-point arithmetic because of extreme proportions or very large or small lengths.
     #[error("the shape cannot be meshed: {0}")]
