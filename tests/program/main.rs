@@ -3,6 +3,7 @@
 
 mod arguments;
 mod elements;
+mod fields;
 mod files;
 mod loads;
 mod messages;

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use biotissue::app::case::Case;
+use biotissue::app::material_fields::FieldRange;
 use biotissue::app::run::{NetworkSize, ProblemSize};
 
 use clap::Args;
@@ -54,6 +55,7 @@ struct Plan {
     rve_bytes: usize,
     body_bytes: usize,
     networks: Vec<NetworkSize>,
+    fields: Vec<FieldRange>,
     surfaces: Vec<String>,
     regions: Vec<String>,
     steps: usize,
@@ -81,6 +83,7 @@ impl Job for CheckJob {
             rve_bytes,
             body_bytes,
             networks,
+            fields: setup.field_ranges().to_vec(),
             surfaces: setup.mesh().surface_names().map(str::to_owned).collect(),
             regions: setup.mesh().regions().to_vec(),
             steps,
@@ -105,6 +108,9 @@ impl Plan {
         ];
         for network in &self.networks {
             lines.push(format!("  {:<24} {:>6} unknowns, {:>6} RVEs", network.name, network.unknowns, network.rves));
+        }
+        for FieldRange { region, parameter, min, max } in &self.fields {
+            lines.push(format!("field      {parameter} from {min:?} to {max:?} in region \"{region}\""));
         }
         lines.push(format!("steps      {}", self.steps));
         let megabytes = |bytes: usize| bytes as f64 * 1e-6;
