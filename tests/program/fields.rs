@@ -254,13 +254,13 @@ fn values_that_are_not_finite_or_out_of_range_are_refused() {
     let material = "model = \"neo-hookean\", youngs_modulus = 1.0e3, poisson_ratio = 0.3";
     let loaded = |from: &str, to: &str| BAR.replace("CELLS", "2").replace("MATERIAL", material).replace(from, to);
     let pull = "traction = [2.0, 0.0, 0.0]";
-    let at = "case.toml:17: surface `x1`: the value at t = ";
+    let at = "case.toml:16: surface `x1`: the value at t = ";
     assert_refused(folder, &loaded(pull, "traction = [\"1/t\", 0, 0]"), &format!("{at}0 and x = 1.000000e0, "));
     assert_refused(folder, &loaded(pull, "pressure = \"sqrt(-z)*t\""), "m is NaN, which is not finite");
     assert_refused(folder, &loaded(pull, "displacement = { x = \"1/(1 - t)\" }"), &format!("{at}1 and x = "));
-    assert_refused(folder, &loaded(pull, "pressure = 2\ncurve = \"ln(y - 10)\""), "case.toml:17: ");
+    assert_refused(folder, &loaded(pull, "pressure = 2\ncurve = \"ln(y - 10)\""), "case.toml:16: ");
     let force = "[[body_force]]\nregion = \"*\"\nvalue = [\"ln(x - 2)\", 0, 0]\n[steps]";
-    assert_refused(folder, &loaded("[steps]", force), "case.toml:20: the body force on region `*`: the value at t = 0");
+    assert_refused(folder, &loaded("[steps]", force), "case.toml:19: the body force on region `*`: the value at t = 0");
 
     let of = |material: &str| BAR.replace("CELLS", "2").replace("MATERIAL", material);
     let refused = |material: &str, expected: &str| assert_refused(folder, &of(material), expected);
@@ -300,5 +300,5 @@ fn values_that_are_not_finite_or_out_of_range_are_refused() {
     let more = BAR
         .replace("cells = [CELLS", "cells = [3")
         .replace("MATERIAL", &constants("{ file = \"f.vtu\", cells = \"E\" }"));
-    assert_refused(folder, &more, "f.vtu:17: the array `E` has values of 2 elements; the mesh has 3");
+    assert_refused(folder, &more, "f.vtu:16: the array `E` has values of 2 elements; the mesh has 3");
 }

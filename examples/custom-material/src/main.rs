@@ -57,8 +57,7 @@ fn foam(mesh: &Arc<Mesh>) -> Result<Vec<f64>, Box<dyn Error>> {
 
 /// The body at two scales: these networks, and the material in parallel with them.
 fn foam_with_fibers(mesh: &Arc<Mesh>, networks: Vec<PathBuf>) -> Result<Vec<f64>, Box<dyn Error>> {
-    let collagen =
-        FiberMaterial { law: Law::Linear { youngs_modulus: 1.0e6 }, radius: 5.0e-8, density: None };
+    let collagen = FiberMaterial { law: Law::Linear { youngs_modulus: 1.0e6 }, radius: 5.0e-8, density: None };
     let rve = FiberRve {
         networks,
         assignment: NetworkAssignment::Random,
