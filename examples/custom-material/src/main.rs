@@ -77,7 +77,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mesh = Arc::new(shapes::cuboid([2, 1, 1], [1.0, 0.5, 0.5])?);
     let folder = tempfile::tempdir()?;
     let network = folder.path().join("network.txt");
-    file::write(&network, &*delaunay(40, 1)?)?;
+    file::write(&network, &delaunay(40, 1)?)?;
     let alone = foam(&mesh)?;
     let with_fibers = foam_with_fibers(&mesh, vec![network])?;
     println!("stretch   foam (N)      foam and fibers (N)");
@@ -100,7 +100,7 @@ mod tests {
         assert_eq!(foam_with_fibers(&mesh, Vec::new())?, alone);
         let folder = tempfile::tempdir()?;
         let network = folder.path().join("network.txt");
-        file::write(&network, &*delaunay(20, 1)?)?;
+        file::write(&network, &delaunay(20, 1)?)?;
         let with_fibers = foam_with_fibers(&mesh, vec![network])?;
         assert!(alone.iter().zip(with_fibers).all(|(alone, both)| *alone > 0.0 && both > 1.01 * alone));
         Ok(())
