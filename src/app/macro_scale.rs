@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::case::{
     BodyForceCase, BoundaryCase, Case, LoadCurve, LoadValue, MeshSource, PointPlace, QuadraticCase, SurfaceLoad, terms,
 };
-use super::vtu;
+use super::{step_loads, vtu};
 use crate::fem::boundary::{
     BodyForce, Boundary, BoundaryError, Conditions, Foundation, LoadCondition, PointCondition, PointDisplacement,
     PointLoad, PointLocation, Pressure, SurfaceCondition, Traction,
@@ -112,7 +112,7 @@ fn quadratic(case: &Case, mesh: &Mesh, to: QuadraticCase) -> Result<Mesh, InputE
 /// # Errors
 /// Returns [`InputErrors`] if a condition contradicts the mesh or another condition, with its line.
 pub fn boundary(case: &Case, mesh: &Mesh, conditions: &Conditions) -> Result<Boundary, InputErrors> {
-    Boundary::new(mesh, conditions).map_err(|error| {
+    let boundary = Boundary::new(mesh, conditions).map_err(|error| {
         let (line, expected, cure) = match &error {
             BoundaryError::UnknownNode { node, nodes } => {
                 let point = case.points.iter().find(|point| point.place == PointPlace::Node(*node));
@@ -146,8 +146,10 @@ pub fn boundary(case: &Case, mesh: &Mesh, conditions: &Conditions) -> Result<Bou
             }
         };
         let error = InputError { line, ..InputError::in_file(&case.file, error.to_string(), expected, cure) };
-        error.into()
-    })
+        InputErrors::from(error)
+    })?;
+    step_loads::check(case, mesh, &boundary)?;
+    Ok(boundary)
 }
 
 /// Returns the line of the condition at a place whose value is not finite there, or else that of any.

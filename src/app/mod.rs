@@ -19,6 +19,7 @@ pub mod report;
 pub mod results;
 pub mod run;
 mod rve_files;
+mod step_loads;
 mod stress;
 pub mod vtu;
 

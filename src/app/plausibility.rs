@@ -95,14 +95,14 @@ fn check_locking<'a>(case: &'a Case, mesh: &'a Mesh, poisson_ratios: &'a [f64]) 
             has_plain[region] = true;
         }
     }
-    poisson_ratios.iter().enumerate().zip(has_plain).filter_map(|((number, &nu), has_plain)| {
-        (has_plain && nu > LARGEST_POISSON_RATIO).then(|| {
-            let message = format!(
-                "its linear elements lock at a Poisson ratio of {}: set `f_bar = true` here, or `order = 2` in [mesh]",
-                (nu * 1e4).round() / 1e4
-            );
-            in_region(case, number, &message)
-        })
+    let locking = poisson_ratios.iter().enumerate().zip(has_plain);
+    let locking = locking.filter(|&((_, &nu), has_plain)| has_plain && nu > LARGEST_POISSON_RATIO);
+    locking.map(|((number, nu), _)| {
+        let message = format!(
+            "its linear elements lock at a Poisson ratio of {}: set `f_bar = true` here, or `order = 2` in [mesh]",
+            (nu * 1e4).round() / 1e4
+        );
+        in_region(case, number, &message)
     })
 }
 

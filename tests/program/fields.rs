@@ -262,6 +262,9 @@ fn values_that_are_not_finite_or_out_of_range_are_refused() {
     let force = "[[body_force]]\nregion = \"*\"\nvalue = [\"ln(x - 2)\", 0, 0]\n[steps]";
     assert_refused(folder, &loaded("[steps]", force), "case.toml:19: the body force on region `*`: the value at t = 0");
 
+    let pole = "pressure = \"1/(t - 0.5)\"";
+    assert_refused(folder, &loaded(pull, pole), "case.toml:16: a load is not finite at t = 0.5, the end of step 1");
+
     let of = |material: &str| BAR.replace("CELLS", "2").replace("MATERIAL", material);
     let refused = |material: &str, expected: &str| assert_refused(folder, &of(material), expected);
     let constants = |modulus: &str| format!("model = \"neo-hookean\", youngs_modulus = {modulus}, poisson_ratio = 0.3");

@@ -260,13 +260,13 @@
 //! ```
 //!
 //! `t` is the pseudo-time from 0 to 1, and `x`, `y`, `z` are the position in the reference state, m.
-//! [`crate::app::expression`] lists operators and functions. Displacements of surfaces and points and forces on points are
-//! evaluated at nodes; tractions, pressures and body forces (`value = [...]`) at integration points.
+//! [`crate::app::expression`] lists operators and functions. Displacements of surfaces and points and forces on points
+//! are evaluated at nodes; tractions, pressures and body forces (`value = [...]`) at integration points.
 //!
 //! An expression that contains `t` is the value at every time, and a `curve` beside it is an error. Everything else,
 //! numbers and expressions of the position, is multiplied by the curve, which is `t` by default. So
 //! `traction = ["1e3*t*z", 5.0, 0.0]` is the same as `["1e3*t*z", "5.0*t", 0.0]`. An expression without variables is a
-//! number. A value that is not finite at a node or integration point, at `t` = 0 or 1, is an error.
+//! number. A value that is not finite at a node or integration point, at `t` = 0 or the end of a step, is an error.
 //!
 //! # Fields of material parameters
 //!
@@ -286,10 +286,10 @@
 //! ```
 //!
 //! An expression is evaluated at the reference position of every integration point; the other fields have one value for
-//! each element. A CSV file has names in its first line and one row for each element of the mesh, in the order of the result
-//! files, or in any order with a column `element` (from 0); rows of elements outside of the region may then be missing.
-//! The cells of another `.vtu` file are those of the mesh in the same order, such as those of a result file. Each value must
-//! be in the range of the number that it replaces. `biotissue check` prints the range of every field.
+//! each element. A CSV file has names in its first line and one row for each element of the mesh, in the order of the
+//! result files, or in any order with a column `element` (from 0); rows of elements outside of the region may then be
+//! missing. The cells of another `.vtu` file are those of the mesh in the same order, such as those of a result file.
+//! Each value must be in the range of the number that it replaces. `biotissue check` prints the range of every field.
 //! [`crate::app::material_fields`] evaluates fields.
 //!
 //! # Restrictions

@@ -40,11 +40,14 @@ enum Operation {
     /// Index into [`VARIABLES`].
     Variable(usize),
     Negate,
-    Unary(fn(f64) -> f64),
-    Binary(fn(f64, f64) -> f64),
+    Unary(Unary),
+    Binary(Binary),
 }
 
-const FUNCTIONS: [(&str, fn(f64) -> f64); 17] = [
+type Unary = fn(f64) -> f64;
+type Binary = fn(f64, f64) -> f64;
+
+const FUNCTIONS: [(&str, Unary); 17] = [
     ("sin", f64::sin),
     ("cos", f64::cos),
     ("tan", f64::tan),
@@ -64,7 +67,7 @@ const FUNCTIONS: [(&str, fn(f64) -> f64); 17] = [
     ("step", step),
 ];
 
-const FUNCTIONS_OF_TWO: [(&str, fn(f64, f64) -> f64); 3] = [("min", min), ("max", max), ("atan2", f64::atan2)];
+const FUNCTIONS_OF_TWO: [(&str, Binary); 3] = [("min", min), ("max", max), ("atan2", f64::atan2)];
 
 fn step(x: f64) -> f64 {
     if x.is_nan() { x } else { f64::from(u8::from(x >= 0.0)) }
