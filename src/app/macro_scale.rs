@@ -2,11 +2,14 @@
 
 use std::sync::Arc;
 
-use super::case::{BodyForceCase, BoundaryCase, Case, MeshSource, PointPlace, QuadraticCase, RigidCase, SurfaceLoad};
-use super::vtu;
+use super::case::{
+    BodyForceCase, BoundaryCase, Case, LoadCurve, LoadValue, MeshSource, PointPlace, QuadraticCase, RigidCase,
+    SurfaceLoad, terms,
+};
+use super::{step_loads, vtu};
 use crate::fem::boundary::{
-    BodyForce, Boundary, BoundaryError, Conditions, Foundation, LoadCondition, PointCondition, PointLoad,
-    PointLocation, Pressure, RigidCondition, SurfaceCondition, Traction,
+    BodyForce, Boundary, BoundaryError, Conditions, Foundation, LoadCondition, PointCondition, PointDisplacement,
+    PointLoad, PointLocation, Pressure, RigidCondition, SurfaceCondition, TimedValue, Traction,
 };
 use crate::fem::mesh::shapes::{self, ShapeError};
 use crate::fem::mesh::{Mesh, MeshError, gmsh};
@@ -117,7 +120,7 @@ fn quadratic(case: &Case, mesh: &Mesh, to: QuadraticCase) -> Result<Mesh, InputE
 /// # Errors
 /// Returns [`InputErrors`] if a condition contradicts the mesh or another condition, with its line.
 pub fn boundary(case: &Case, mesh: &Mesh, conditions: &Conditions) -> Result<Boundary, InputErrors> {
-    Boundary::new(mesh, conditions).map_err(|error| {
+    let boundary = Boundary::new(mesh, conditions).map_err(|error| {
         let (line, expected, cure) = match &error {
             BoundaryError::UnknownNode { node, nodes } => {
                 let point = case.points.iter().find(|point| point.place == PointPlace::Node(*node));
@@ -132,6 +135,12 @@ pub fn boundary(case: &Case, mesh: &Mesh, conditions: &Conditions) -> Result<Bou
             BoundaryError::NotFinite { place, .. } => {
                 (line_of(case, place), "finite numbers".into(), "correct the number, or the `scale` of the mesh")
             }
+            BoundaryError::NotFiniteAt { place, t, position, .. } => (
+                line_of_value(case, place, *t, *position),
+                "a finite value at every node and integration point".into(),
+                "correct the expression, or the `scale` of the mesh",
+            ),
+            BoundaryError::UnknownPoint { .. } => (None, "a point condition".into(), "correct the number"),
             BoundaryError::UnknownSurface { name, .. } => (
                 line_of(case, &format!("surface `{name}`")),
                 "a surface of the mesh".into(),
@@ -162,8 +171,25 @@ pub fn boundary(case: &Case, mesh: &Mesh, conditions: &Conditions) -> Result<Bou
             }
         };
         let error = InputError { line, ..InputError::in_file(&case.file, error.to_string(), expected, cure) };
-        error.into()
-    })
+        InputErrors::from(error)
+    })?;
+    step_loads::check(case, mesh, &boundary)?;
+    Ok(boundary)
+}
+
+/// Returns the line of the condition at a place whose value is not finite there, or else that of any.
+fn line_of_value(case: &Case, place: &str, t: f64, x: [f64; 3]) -> Option<usize> {
+    let is_infinite = |values: &[&LoadValue], curve: &LoadCurve| {
+        values
+            .iter()
+            .map(|value| value.with_curve(curve))
+            .any(|(value, curve)| !(value * curve.factor(t, x)).is_finite())
+    };
+    let boundaries = case.boundaries.iter().filter(|each| place == format!("surface `{}`", each.surface));
+    let boundary = boundaries.filter(|each| is_infinite(&each.load.values(), &each.curve)).map(|each| each.line).next();
+    let bodies = case.body_forces.iter().filter(|each| place == format!("the body force on region `{}`", each.region));
+    let body = bodies.filter(|each| is_infinite(&each.value.each_ref(), &each.curve)).map(|each| each.line).next();
+    boundary.or(body).or_else(|| line_of(case, place))
 }
 
 /// Returns the line of a condition, given its description in a [`BoundaryError`].
@@ -184,39 +210,68 @@ pub fn conditions(case: &Case) -> Conditions {
     let (mut surfaces, mut loads) = (Vec::new(), Vec::<Arc<dyn LoadCondition>>::new());
     let (mut symmetry_planes, mut rigid) = (Vec::new(), Vec::new());
     for BoundaryCase { surface, load, curve, .. } in &case.boundaries {
-        let (surface, curve) = (surface.clone(), curve.clone());
-        match *load {
-            SurfaceLoad::Displacement(displacement) => surfaces.push(SurfaceCondition { surface, displacement, curve }),
-            SurfaceLoad::Traction(value) => loads.push(Arc::new(Traction { surface, value, curve })),
-            SurfaceLoad::Pressure(value) => loads.push(Arc::new(Pressure { surface, value, curve })),
-            SurfaceLoad::Foundation([normal, tangential]) => {
-                loads.push(Arc::new(Foundation { surface, normal, tangential }));
+        let surface = || surface.clone();
+        match load {
+            SurfaceLoad::Displacement(components) => {
+                for (displacement, curve) in terms(&components.each_ref().map(Option::as_ref), curve) {
+                    surfaces.push(SurfaceCondition { surface: surface(), displacement, curve });
+                }
             }
-            SurfaceLoad::Symmetry => symmetry_planes.push(surface),
+            SurfaceLoad::Traction(values) => {
+                for (value, curve) in forces(values, curve) {
+                    loads.push(Arc::new(Traction { surface: surface(), value, curve }));
+                }
+            }
+            SurfaceLoad::Pressure(value) => {
+                let (value, curve) = value.with_curve(curve);
+                loads.push(Arc::new(Pressure { surface: surface(), value, curve }));
+            }
+            SurfaceLoad::Foundation([normal, tangential]) => {
+                loads.push(Arc::new(Foundation { surface: surface(), normal: *normal, tangential: *tangential }));
+            }
+            SurfaceLoad::Symmetry => symmetry_planes.push(surface()),
             SurfaceLoad::Rigid(RigidCase { reference, displacement, rotation }) => {
                 let reference = reference.map(|point| point.map(|x| x * case.mesh_scale));
-                rigid.push(RigidCondition { surface, reference, displacement, rotation, curve });
+                let timed = |value: &LoadValue| {
+                    let (value, curve) = value.with_curve(curve);
+                    TimedValue { value, curve }
+                };
+                let [displacement, rotation] =
+                    [displacement, rotation].map(|of| of.each_ref().map(|component| component.as_ref().map(timed)));
+                rigid.push(RigidCondition { surface: surface(), reference, displacement, rotation });
             }
         }
     }
-    let points = case.points.iter().map(|point| PointCondition {
-        place: match point.place {
+    let (mut points, mut point_displacements) = (Vec::new(), Vec::new());
+    for (point, of) in case.points.iter().enumerate() {
+        let place = match of.place {
             PointPlace::At(position) => PointLocation::Nearest(position.map(|x| x * case.mesh_scale)),
             PointPlace::Node(node) => PointLocation::Node(node),
-        },
-        displacement: point.displacement,
-        curve: point.curve.clone(),
-    });
-    let points: Vec<PointCondition> = points.collect();
-    for (point, (of, PointCondition { place, curve, .. })) in case.points.iter().zip(&points).enumerate() {
-        if let Some(value) = of.force {
-            loads.push(Arc::new(PointLoad { point, place: *place, value, curve: curve.clone() }));
+        };
+        for (displacement, curve) in terms(&of.displacement.each_ref().map(Option::as_ref), &of.curve) {
+            for (component, value) in displacement.iter().enumerate() {
+                let prescribed = |value| PointDisplacement { point, component, value, curve: curve.clone() };
+                point_displacements.extend(value.map(prescribed));
+            }
+        }
+        points.push(PointCondition { place, displacement: [None; 3], curve: LoadCurve::Ramp });
+        for (value, curve) in of.force.iter().flat_map(|force| forces(force, &of.curve)) {
+            loads.push(Arc::new(PointLoad { point, place, value, curve }));
         }
     }
     for BodyForceCase { region, value, curve, .. } in &case.body_forces {
-        loads.push(Arc::new(BodyForce { region: region.clone(), value: *value, curve: curve.clone() }));
+        for (value, curve) in forces(value, curve) {
+            loads.push(Arc::new(BodyForce { region: region.clone(), value, curve }));
+        }
     }
-    Conditions { surfaces, points, loads, symmetry_planes, rigid, hold_free_modes: case.hold_free_modes }
+    let hold_free_modes = case.hold_free_modes;
+    Conditions { surfaces, points, point_displacements, loads, symmetry_planes, rigid, hold_free_modes }
+}
+
+/// Divides a force into terms with one curve each.
+fn forces(values: &[LoadValue; 3], curve: &LoadCurve) -> impl Iterator<Item = ([f64; 3], LoadCurve)> {
+    let terms = terms(&values.each_ref().map(Some), curve);
+    terms.into_iter().map(|(term, curve)| (term.map(Option::unwrap_or_default), curve))
 }
 
 /// Returns the parameters of load stepping of a case.

@@ -1,7 +1,7 @@
 //! The application: case files, runs, results, reports and pictures.
 //!
 //! ```text
-//! case file ─► case::Case ─► macro_scale (mesh, loads) ─► run::Simulation ─► results (directory) ─► report
+//! case file ─► case::Case ─► macro_scale (mesh, loads), material_fields ─► run::Simulation ─► results (directory) ─► report
 //! ```
 //!
 //! [`crate::tissue`] solves the two scales in memory; this module reads what describes the problem and writes the
@@ -10,13 +10,16 @@
 pub mod case;
 mod cell_fields;
 pub mod checkpoint;
+pub mod expression;
 pub mod macro_scale;
+pub mod material_fields;
 mod plausibility;
 mod recorder;
 pub mod report;
 pub mod results;
 pub mod run;
 mod rve_files;
+mod step_loads;
 mod stress;
 pub mod vtu;
 

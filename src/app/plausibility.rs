@@ -5,7 +5,9 @@
 //! the same stiffness. These are orders of magnitude, sufficient to find a modulus in MPa or a mesh in mm, and not used
 //! otherwise.
 
-use crate::app::case::{Case, Formula, LoadCurve, RegionMaterial, SurfaceLoad};
+use std::sync::Arc;
+
+use crate::app::case::{Case, Formula, LoadCurve, LoadValue, PointPlace, SurfaceLoad};
 use crate::fem::element::ElementType;
 use crate::fem::mesh::Mesh;
 use crate::las::RealBackend;
@@ -27,8 +29,8 @@ const SENSIBLE_EDGES: std::ops::RangeInclusive<f64> = 1e-5..=5.0;
 struct Stiffness {
     /// Index of the region in the case.
     region: usize,
-    /// Young's modulus of the formula, or of the matrix.
-    formula: Option<f64>,
+    /// Young's modulus of the softest and of the stiffest formula, or matrix.
+    formula: Option<[f64; 2]>,
     /// `kappa sum E A L` of the softest and of the stiffest network: the stiffness if all fibers were parallel to the
     /// load.
     fibers: Option<[f64; 2]>,
@@ -37,7 +39,8 @@ struct Stiffness {
 impl Stiffness {
     /// The stiffness that resists a load: RVE and matrix in parallel.
     fn total(&self) -> f64 {
-        self.formula.unwrap_or(0.0) + self.fibers.map_or(0.0, |[softest, _]| softest)
+        let softest = |range: Option<[f64; 2]>| range.map_or(0.0, |[softest, _]| softest);
+        softest(self.formula) + softest(self.fibers)
     }
 }
 
@@ -49,10 +52,10 @@ pub(super) fn warnings<B: RealBackend>(case: &Case, mesh: &Mesh, library: &Libra
     let stiffnesses: Vec<Stiffness> = regions
         .into_iter()
         .map(|region| {
-            let formula = match &case.regions[region].material {
-                RegionMaterial::Formula(formula) => Some(*formula),
-                RegionMaterial::FiberRve(rve) => rve.matrix,
-            };
+            let moduli = library.formulas_of_region(region).iter().map(|formula| youngs_modulus(formula));
+            let formula = moduli.fold(None, |range: Option<[f64; 2]>, modulus| {
+                Some(range.map_or([modulus; 2], |[min, max]| [min.min(modulus), max.max(modulus)]))
+            });
             let networks = library.models_of_region(region).iter().map(|&model| {
                 let model = &library.models()[model];
                 model.scale() * model.truss().volume_of_moduli()
@@ -60,16 +63,26 @@ pub(super) fn warnings<B: RealBackend>(case: &Case, mesh: &Mesh, library: &Libra
             let fibers = networks.fold(None, |range: Option<[f64; 2]>, stiffness| {
                 Some(range.map_or([stiffness; 2], |[min, max]| [min.min(stiffness), max.max(stiffness)]))
             });
-            Stiffness { region, formula: formula.map(youngs_modulus), fibers }
+            Stiffness { region, formula, fibers }
         })
         .collect();
     let mut warnings = check_magnitudes(case, mesh, &stiffnesses);
-    warnings.extend(check_locking(case, mesh));
+    let ratios = (0..case.regions.len()).map(|region| greatest_poisson_ratio(library.formulas_of_region(region)));
+    warnings.extend(check_locking(case, mesh, &ratios.collect::<Vec<_>>()));
     warnings
 }
 
-/// Finds linear elements in nearly incompressible materials, which lock.
-fn check_locking<'a>(case: &'a Case, mesh: &'a Mesh) -> impl Iterator<Item = String> + 'a {
+/// The greatest Poisson ratio of these formulas at rest; 0 without any.
+fn greatest_poisson_ratio(formulas: &[Arc<Formula>]) -> f64 {
+    let ratios = formulas.iter().map(|formula| {
+        let [mu, bulk] = formula.mean_moduli();
+        (3.0 * bulk - 2.0 * mu) / (6.0 * bulk + 2.0 * mu)
+    });
+    ratios.fold(0.0, f64::max)
+}
+
+/// Finds linear elements in nearly incompressible materials, which lock, given the greatest Poisson ratio of each region.
+fn check_locking<'a>(case: &'a Case, mesh: &'a Mesh, poisson_ratios: &'a [f64]) -> impl Iterator<Item = String> + 'a {
     let mut has_plain = vec![false; case.regions.len()];
     let mut in_patch = vec![false; mesh.elements().len()];
     mesh.patches().iter().flatten().for_each(|&element| in_patch[element as usize] = true);
@@ -82,24 +95,18 @@ fn check_locking<'a>(case: &'a Case, mesh: &'a Mesh) -> impl Iterator<Item = Str
             has_plain[region] = true;
         }
     }
-    case.regions.iter().enumerate().zip(has_plain).filter_map(|((number, region), has_plain)| {
-        let formula = match &region.material {
-            RegionMaterial::Formula(formula) => Some(*formula),
-            RegionMaterial::FiberRve(rve) => rve.matrix,
-        };
-        let [mu, bulk] = formula?.mean_moduli();
-        let nu = (3.0 * bulk - 2.0 * mu) / (6.0 * bulk + 2.0 * mu);
-        (has_plain && nu > LARGEST_POISSON_RATIO).then(|| {
-            let message = format!(
-                "its linear elements lock at a Poisson ratio of {}: set `f_bar = true` here, or `order = 2` in [mesh]",
-                (nu * 1e4).round() / 1e4
-            );
-            in_region(case, number, &message)
-        })
+    let locking = poisson_ratios.iter().enumerate().zip(has_plain);
+    let locking = locking.filter(|&((_, &nu), has_plain)| has_plain && nu > LARGEST_POISSON_RATIO);
+    locking.map(|((number, nu), _)| {
+        let message = format!(
+            "its linear elements lock at a Poisson ratio of {}: set `f_bar = true` here, or `order = 2` in [mesh]",
+            (nu * 1e4).round() / 1e4
+        );
+        in_region(case, number, &message)
     })
 }
 
-fn youngs_modulus(formula: Formula) -> f64 {
+fn youngs_modulus(formula: &Formula) -> f64 {
     let [mu, bulk] = formula.mean_moduli();
     9.0 * bulk * mu / (3.0 * bulk + mu)
 }
@@ -113,7 +120,7 @@ fn check_magnitudes(case: &Case, mesh: &Mesh, stiffnesses: &[Stiffness]) -> Vec<
     }
     warnings.extend(check_stiffnesses(case, stiffnesses));
     let softest = stiffnesses.iter().min_by(|a, b| a.total().total_cmp(&b.total()));
-    let loads = loads(case, edge, softest);
+    let loads = loads(case, mesh, edge, softest);
     warnings.extend(
         loads.iter().filter(|load| load.strain > LARGEST_STRAIN).map(|load| at(case, load.line, &load.message)),
     );
@@ -132,7 +139,7 @@ fn check_magnitudes(case: &Case, mesh: &Mesh, stiffnesses: &[Stiffness]) -> Vec<
 /// Compares the materials of different regions, and fibers and matrix in parallel.
 fn check_stiffnesses<'a>(case: &'a Case, stiffnesses: &'a [Stiffness]) -> impl Iterator<Item = String> + 'a {
     let within = stiffnesses.iter().filter_map(|stiffness| {
-        let (matrix, [least, most]) = (stiffness.formula?, stiffness.fibers?);
+        let ([matrix, _], [least, most]) = (stiffness.formula?, stiffness.fibers?);
         let fibers = if matrix > most { least } else { most };
         let ratio = (matrix / fibers).max(fibers / matrix);
         (ratio > LARGEST_RATIO).then(|| {
@@ -172,9 +179,8 @@ struct Load {
     message: String,
 }
 
-fn loads(case: &Case, edge: f64, softest: Option<&Stiffness>) -> Vec<Load> {
-    let displacement = |line: usize, place: &str, components: &[Option<f64>; 3], curve: &LoadCurve| {
-        let most = peak(curve) * components.iter().flatten().fold(0.0, |most: f64, u| most.max(u.abs()));
+fn loads(case: &Case, mesh: &Mesh, edge: f64, softest: Option<&Stiffness>) -> Vec<Load> {
+    let displacement = |line: usize, place: &str, most: f64| {
         let message = format!(
             "the displacement of {place} is {} m, and the longest edge of the body {} m: are both in m? `scale` of [mesh] is \
              the length of a mesh unit in m",
@@ -183,9 +189,8 @@ fn loads(case: &Case, edge: f64, softest: Option<&Stiffness>) -> Vec<Load> {
         );
         Load { line, strain: most / edge, message }
     };
-    let force = |line: usize, what: &str, value: &[f64; 3], length: Option<f64>, curve: &LoadCurve| {
+    let force = |line: usize, what: &str, most: f64, length: Option<f64>| {
         let soft = softest?;
-        let most = peak(curve) * value.iter().fold(0.0, |most: f64, p| most.max(p.abs()));
         let stress = most * length.unwrap_or(1.0);
         let unit = if length.is_some() { "N/m^3" } else { "Pa" };
         let strain = stress / soft.total();
@@ -201,7 +206,8 @@ fn loads(case: &Case, edge: f64, softest: Option<&Stiffness>) -> Vec<Load> {
     };
     let rotations = case.boundaries.iter().filter_map(|boundary| {
         let SurfaceLoad::Rigid(rigid) = &boundary.load else { return None };
-        let most = peak(&boundary.curve) * rigid.rotation.iter().flatten().fold(0.0, |most: f64, r| most.max(r.abs()));
+        let components: Vec<&LoadValue> = rigid.rotation.iter().flatten().collect();
+        let most = greatest(&components, &boundary.curve, || nodes_of(mesh, &boundary.surface));
         let message = format!(
             "the rotation of surface \"{}\" is {} rad, {} turns: is it in rad?",
             boundary.surface,
@@ -212,36 +218,60 @@ fn loads(case: &Case, edge: f64, softest: Option<&Stiffness>) -> Vec<Load> {
     });
     let boundaries = case.boundaries.iter().filter_map(|boundary| {
         let place = format!("surface \"{}\"", boundary.surface);
+        let nodes = || nodes_of(mesh, &boundary.surface);
+        let most = greatest(&boundary.load.values(), &boundary.curve, nodes);
         match &boundary.load {
+            SurfaceLoad::Displacement(_) => Some(displacement(boundary.line, &place, most)),
+            SurfaceLoad::Traction(_) => force(boundary.line, &format!("the traction on {place}"), most, None),
+            SurfaceLoad::Pressure(_) => force(boundary.line, &format!("the pressure on {place}"), most, None),
             SurfaceLoad::Rigid(rigid) => {
-                Some(displacement(boundary.line, &place, &rigid.displacement, &boundary.curve))
-            }
-            SurfaceLoad::Displacement(components) => {
-                Some(displacement(boundary.line, &place, components, &boundary.curve))
-            }
-            SurfaceLoad::Traction(value) => {
-                force(boundary.line, &format!("the traction on {place}"), value, None, &boundary.curve)
-            }
-            SurfaceLoad::Pressure(value) => {
-                force(boundary.line, &format!("the pressure on {place}"), &[*value, 0.0, 0.0], None, &boundary.curve)
+                let components: Vec<&LoadValue> = rigid.displacement.iter().flatten().collect();
+                Some(displacement(boundary.line, &place, greatest(&components, &boundary.curve, nodes)))
             }
             SurfaceLoad::Foundation(_) | SurfaceLoad::Symmetry => None,
         }
     });
-    let points =
-        case.points.iter().map(|point| displacement(point.line, "this point", &point.displacement, &point.curve));
-    let forces = case
-        .body_forces
-        .iter()
-        .filter_map(|body| force(body.line, "the body force", &body.value, Some(edge), &body.curve));
+    let points = case.points.iter().map(|point| {
+        let node = || match point.place {
+            PointPlace::At(position) => mesh.nearest_node(position.map(|x| x * case.mesh_scale)).0,
+            PointPlace::Node(node) => node,
+        };
+        let components: Vec<&LoadValue> = point.displacement.iter().flatten().collect();
+        let most = greatest(&components, &point.curve, || mesh.nodes().get(node()).copied().into_iter().collect());
+        displacement(point.line, "this point", most)
+    });
+    let forces = case.body_forces.iter().filter_map(|body| {
+        let most = greatest(&body.value.each_ref(), &body.curve, || mesh.nodes().to_vec());
+        force(body.line, "the body force", most, Some(edge))
+    });
     boundaries.chain(rotations).chain(points).chain(forces).collect()
 }
 
+/// Returns the positions of the nodes of a surface.
+fn nodes_of(mesh: &Mesh, surface: &str) -> Vec<[f64; 3]> {
+    let surface = mesh.surfaces().iter().find(|other| other.name == surface);
+    surface.map_or_else(Vec::new, |surface| mesh.positions_of(&surface.nodes()))
+}
+
+/// Pseudo-times at which the magnitude of an expression is sampled.
+const SAMPLES: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
+
+/// The largest absolute value of a load; expressions are sampled at these positions.
+fn greatest(values: &[&LoadValue], curve: &LoadCurve, positions: impl FnOnce() -> Vec<[f64; 3]>) -> f64 {
+    let terms: Vec<(f64, LoadCurve)> = values.iter().map(|value| value.with_curve(curve)).collect();
+    let is_function = |(_, curve): &(f64, LoadCurve)| matches!(curve, LoadCurve::Function(_));
+    let positions = if terms.iter().any(is_function) { positions() } else { Vec::new() };
+    let most = |(value, curve): &(f64, LoadCurve)| value.abs() * peak(curve, &positions);
+    terms.iter().map(most).fold(0.0, f64::max)
+}
+
 /// The largest absolute factor of a curve.
-fn peak(curve: &LoadCurve) -> f64 {
+fn peak(curve: &LoadCurve, positions: &[[f64; 3]]) -> f64 {
     match curve {
-        // The magnitude of a function is not known.
-        LoadCurve::Function(_) => 0.0,
+        LoadCurve::Function(function) => {
+            let at = |t: f64| positions.iter().map(move |&x| function.factor(t, x).abs()).fold(0.0, f64::max);
+            SAMPLES.into_iter().map(at).fold(0.0, f64::max)
+        }
         LoadCurve::Ramp => 1.0,
         LoadCurve::Table(table) => table.points().iter().fold(0.0, |most: f64, [_, factor]| most.max(factor.abs())),
     }
@@ -292,10 +322,8 @@ displacement = { x = 0.1 }
     fn warnings_of(text: &str, edge: f64, fibers: Option<[f64; 2]>) -> Vec<String> {
         let case = Case::parse(text, Path::new("case.toml")).unwrap_or_else(|errors| panic!("{errors}")).case;
         let mesh = cuboid([1, 1, 1], [edge, 0.5 * edge, 0.5 * edge]).unwrap();
-        let formula = match &case.regions[0].material {
-            RegionMaterial::Formula(formula) => Some(youngs_modulus(*formula)),
-            RegionMaterial::FiberRve(_) => None,
-        };
+        let formula = case.regions[0].material.formula().and_then(|formula| formula.constant());
+        let formula = formula.map(|formula| [youngs_modulus(formula); 2]);
         let warnings = check_magnitudes(&case, &mesh, &[Stiffness { region: 0, formula, fibers }]);
         warnings.into_iter().map(|warning| warning.strip_prefix("case.toml:").unwrap().to_owned()).collect()
     }
@@ -356,9 +384,11 @@ displacement = { x = 0.1 }
         let mesh = cuboid([1, 1, 1], [1.0; 3]).unwrap();
         let expected = "case.toml:3: region \"*\": its linear elements lock at a Poisson ratio of 0.499: set `f_bar = true` here, \
                         or `order = 2` in [mesh]";
-        assert_eq!(check_locking(&case, &mesh).collect::<Vec<_>>(), [expected]);
-        assert_eq!(check_locking(&case, &mesh.quadratic(Default::default()).unwrap()).count(), 0);
-        assert_eq!(check_locking(&case, &mesh.with_patches(|_| true)).count(), 0);
+        let formula = case.regions[0].material.formula().and_then(|formula| formula.constant()).unwrap().clone();
+        let ratios = [greatest_poisson_ratio(&[Arc::new(formula)])];
+        assert_eq!(check_locking(&case, &mesh, &ratios).collect::<Vec<_>>(), [expected]);
+        assert_eq!(check_locking(&case, &mesh.quadratic(Default::default()).unwrap(), &ratios).count(), 0);
+        assert_eq!(check_locking(&case, &mesh.with_patches(|_| true), &ratios).count(), 0);
     }
 
     #[test]
@@ -366,7 +396,7 @@ displacement = { x = 0.1 }
         let grip = "[[region]]\nname = \"grip\"\nmaterial = { model = \"neo-hookean\", shear_modulus = 1e12, poisson_ratio = 0.25 }\n";
         let text = CASE.replace("[[boundary]]\nsurface = \"x0\"", &format!("{grip}[[boundary]]\nsurface = \"x0\""));
         let case = Case::parse(&text, Path::new("case.toml")).unwrap().case;
-        let stiffness = |region, modulus| Stiffness { region, formula: Some(modulus), fibers: None };
+        let stiffness = |region, modulus| Stiffness { region, formula: Some([modulus; 2]), fibers: None };
         let found: Vec<String> = check_stiffnesses(&case, &[stiffness(0, 2500.0), stiffness(1, 2.5e12)]).collect();
         let expected = "case.toml:6: region \"grip\": about 2.5e12 Pa, 1.0e9 times stiffer than the region \"*\" with 2500 Pa: are \
                         all moduli in Pa?";

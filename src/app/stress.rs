@@ -2,7 +2,7 @@
 
 use nalgebra::Matrix3;
 
-use crate::app::case::{Case, Formula, RegionMaterial};
+use crate::app::case::{Case, RegionMaterial};
 use crate::fem::mesh::Mesh;
 use crate::tensor::cauchy;
 
@@ -18,9 +18,7 @@ pub(super) struct CauchyStress {
 
 impl CauchyStress {
     pub(super) fn new(case: &Case, mesh: &Mesh) -> Self {
-        let is_small_strain = |region: &String| {
-            matches!(case.material_of(region), Some(RegionMaterial::Formula(Formula::LinearElastic(_))))
-        };
+        let is_small_strain = |region: &String| matches!(case.material_of(region), Some(RegionMaterial::Formula(formula)) if formula.is_small_strain());
         Self { is_small_strain: mesh.regions().iter().map(is_small_strain).collect() }
     }
 

@@ -2,16 +2,12 @@
 
 use std::path::PathBuf;
 
-use nalgebra::Matrix3;
-
-use crate::fem::material::{
-    Guccione, HolmesMow, HolzapfelGasserOgden, LinearElastic, Material, MaterialError, NeoHookean, Response,
-    TransverseModuli, TransverselyIsotropic,
-};
 use crate::fiber::equilibrium::Stages;
 use crate::fiber::law::FiberMaterial;
 use crate::fiber::rve::StressScale;
 use crate::las::Method;
+
+pub use super::formula::{CustomMaterial, Formula, Formulas, PointFormulaError, PointFormulas, TransverseFormula};
 
 /// The name that stands for every region of a mesh without a material under its own name.
 pub const OTHER_REGIONS: &str = "*";
@@ -34,60 +30,48 @@ pub struct Region {
     pub material: RegionMaterial,
 }
 
-/// The material of a region.
+/// The material of a region, whose formulas are given by `F`: those of the points of a mesh or, before there is a mesh,
+/// their parameters.
 #[derive(Clone, Debug, PartialEq)]
-pub enum RegionMaterial {
+pub enum RegionMaterial<F = Formulas> {
     /// A formula.
-    Formula(Formula),
+    Formula(F),
     /// A fiber network at every integration point.
-    FiberRve(FiberRve),
+    FiberRve(FiberRve<F>),
 }
 
-/// A material given by a formula.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Formula {
-    /// Neo-Hookean.
-    NeoHookean(NeoHookean),
-    /// Linear elasticity at small strain.
-    LinearElastic(LinearElastic),
-    /// Transversely isotropic, of Bonet and Burton.
-    TransverselyIsotropic(TransverseFormula),
-    /// Of Holmes and Mow.
-    HolmesMow(HolmesMow),
-    /// Of Holzapfel, Gasser and Ogden.
-    HolzapfelGasserOgden(HolzapfelGasserOgden),
-    /// Of Guccione.
-    Guccione(Guccione),
-}
-
-/// A transversely isotropic material with the constants that it was made from.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct TransverseFormula {
-    moduli: TransverseModuli,
-    axis: [f64; 3],
-    material: TransverselyIsotropic,
-}
-
-impl TransverseFormula {
-    /// Creates the material; `None` as in [`TransverselyIsotropic::new`].
-    pub fn new(moduli: TransverseModuli, axis: [f64; 3]) -> Option<Self> {
-        TransverselyIsotropic::new(&moduli, axis).map(|material| Self { moduli, axis, material })
+impl<F> RegionMaterial<F> {
+    /// Returns the formula of the region, or the matrix of its RVEs.
+    pub fn formula(&self) -> Option<&F> {
+        match self {
+            Self::Formula(formula) => Some(formula),
+            Self::FiberRve(rve) => rve.matrix.as_ref(),
+        }
     }
 
-    /// Returns the elastic constants at small strain.
-    pub fn moduli(&self) -> &TransverseModuli {
-        &self.moduli
-    }
-
-    /// Returns the axis, of the length that it was given with.
-    pub fn axis(&self) -> [f64; 3] {
-        self.axis
+    /// Returns the material with other formulas, those that `with` returns for these.
+    ///
+    /// # Errors
+    /// Returns the error of `with`.
+    pub fn try_map<G, E>(&self, with: impl FnOnce(&F) -> Result<G, E>) -> Result<RegionMaterial<G>, E> {
+        Ok(match self {
+            Self::Formula(formula) => RegionMaterial::Formula(with(formula)?),
+            Self::FiberRve(rve) => RegionMaterial::FiberRve(FiberRve {
+                matrix: rve.matrix.as_ref().map(with).transpose()?,
+                networks: rve.networks.clone(),
+                assignment: rve.assignment,
+                seed: rve.seed,
+                scale: rve.scale,
+                law: rve.law.clone(),
+                lifecycle: rve.lifecycle,
+            }),
+        })
     }
 }
 
 /// A fiber network at every integration point.
 #[derive(Clone, Debug, PartialEq)]
-pub struct FiberRve {
+pub struct FiberRve<F = Formulas> {
     /// The network files. If empty, the material is its matrix alone, which must exist.
     pub networks: Vec<PathBuf>,
     /// The rule that assigns a network to each element.
@@ -99,7 +83,7 @@ pub struct FiberRve {
     /// The law of all fibers; if `None`, the parameter files beside each network define it.
     pub law: Option<FiberMaterial>,
     /// A matrix in parallel with the network.
-    pub matrix: Option<Formula>,
+    pub matrix: Option<F>,
     /// The conditions under which RVEs are created, sleep, and are deleted.
     pub lifecycle: RveLifecycle,
 }
@@ -185,37 +169,6 @@ impl Default for RveParams {
     }
 }
 
-impl Formula {
-    /// Returns energy, stress and tangent at a deformation gradient.
-    ///
-    /// # Errors
-    /// Returns [`MaterialError::Inverted`] from a formula of finite strain if the determinant is not positive.
-    pub fn respond(&self, f: &Matrix3<f64>) -> Result<Response, MaterialError> {
-        match self {
-            Self::NeoHookean(material) => material.evaluate(f),
-            Self::LinearElastic(material) => material.evaluate(f),
-            Self::TransverselyIsotropic(formula) => formula.material.evaluate(f),
-            Self::HolmesMow(material) => material.evaluate(f),
-            Self::HolzapfelGasserOgden(material) => material.evaluate(f),
-            Self::Guccione(material) => material.evaluate(f),
-        }
-    }
-
-    /// Returns the shear modulus and the bulk modulus at rest, Pa; of an anisotropic formula, those of the isotropic
-    /// tensor nearest to its stiffness `A` (W. Voigt, 1889): `K = A_iijj / 9` and `mu = (A_ijij - 3 K) / 10`, with the
-    /// minor symmetry that a state without stress has.
-    pub fn mean_moduli(&self) -> [f64; 2] {
-        let Ok(Response { tangent, .. }) = self.respond(&Matrix3::identity()) else { return [0.0; 2] };
-        let (mut traces, mut whole) = (0.0, 0.0);
-        for (i, j) in (0..9).map(|k| (k / 3, k % 3)) {
-            traces += tangent[(4 * i, 4 * j)];
-            whole += 0.5 * (tangent[(3 * i + j, 3 * i + j)] + tangent[(3 * i + j, 3 * j + i)]);
-        }
-        let bulk = traces / 9.0;
-        [(whole - 3.0 * bulk) / 10.0, bulk]
-    }
-}
-
 impl ElementSelection {
     /// Returns true if an element is chosen.
     pub fn contains(&self, element: usize) -> bool {
@@ -230,34 +183,4 @@ impl ElementSelection {
 /// Returns the index of the region with this name, or else that of [`OTHER_REGIONS`].
 pub fn find_region<'a>(mut regions: impl Iterator<Item = &'a str> + Clone, name: &str) -> Option<usize> {
     regions.clone().position(|region| region == name).or_else(|| regions.position(|region| region == OTHER_REGIONS))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn mean_moduli_are_those_of_isotropic_formulas() {
-        let (mu, lambda) = (3.0e3, 5.0e3);
-        let isotropic = [
-            Formula::NeoHookean(NeoHookean { mu, lambda }),
-            Formula::LinearElastic(LinearElastic { mu, lambda }),
-            Formula::HolmesMow(HolmesMow { mu, lambda, beta: 0.7 }),
-        ];
-        for formula in isotropic {
-            let [shear, bulk] = formula.mean_moduli();
-            assert!((shear / mu - 1.0).abs() < 1e-12, "{formula:?}: {shear}");
-            assert!((bulk / (lambda + 2.0 / 3.0 * mu) - 1.0).abs() < 1e-12, "{formula:?}: {bulk}");
-        }
-        // Equal constants along the axis and across it.
-        let moduli = TransverseModuli {
-            youngs_modulus: 2.5e3,
-            poisson_ratio: 0.25,
-            axial_youngs_modulus: 2.5e3,
-            axial_shear_modulus: 1.0e3,
-        };
-        let [shear, bulk] =
-            Formula::TransverselyIsotropic(TransverseFormula::new(moduli, [1.0, 2.0, 0.5]).unwrap()).mean_moduli();
-        assert!((shear / 1.0e3 - 1.0).abs() < 1e-12 && (bulk / (2.5e3 / 1.5) - 1.0).abs() < 1e-12, "{shear} {bulk}");
-    }
 }

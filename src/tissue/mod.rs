@@ -8,6 +8,7 @@
 //! [`crate::fem::point_field`] with a formula or a network in every element, where all threads solve the networks;
 //! [`two_scale::ScaleField`] does so with networks on other ranks.
 
+mod formula;
 pub mod materials;
 pub mod micro_scale;
 pub mod replay;

@@ -44,7 +44,7 @@ fn field(network: &Path, cells: usize) -> (f64, f64, f64) {
     let (mesh, _) = macro_scale::mesh(&case).unwrap();
     let before = counting::in_use();
     let (mut field, _) =
-        TissueField::<Sparse>::new((), case.materials(), &mesh).unwrap_or_else(|error| panic!("{error}"));
+        TissueField::<Sparse>::new((), case.materials().unwrap(), &mesh).unwrap_or_else(|error| panic!("{error}"));
     let planned = field.rve_bytes();
     let mut out = PointResponses::default();
     for k in 0..2 {

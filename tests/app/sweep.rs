@@ -37,7 +37,7 @@ fn after_a_failure(threads: usize) -> (PointResponses, String) {
     let pool = ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
     pool.install(|| {
         let (mut field, _) =
-            TissueField::<Sparse>::new((), case.materials(), &mesh).unwrap_or_else(|error| panic!("{error}"));
+            TissueField::<Sparse>::new((), case.materials().unwrap(), &mesh).unwrap_or_else(|error| panic!("{error}"));
         let mut out = PointResponses::default();
         let stretched = |by: f64| Matrix3::new(by, 0.01, 0.0, 0.0, 0.98, 0.0, 0.02, 0.0, 1.01);
         let mut gradients: Vec<Matrix3<f64>> =

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use biotissue::backends::sparse::Sparse;
 use biotissue::fem::boundary::{
     BoundaryError, Conditions, LoadCurve, PointCondition, PointLoad, PointLocation, Pressure, RigidCondition,
-    SurfaceCondition, Traction,
+    SurfaceCondition, TimedValue, Traction,
 };
 use biotissue::fem::element::ElementType;
 use biotissue::fem::material::{LinearElastic, NeoHookean};
@@ -103,7 +103,8 @@ fn a_node_of_an_inclined_plane_may_be_moved_within_the_plane() {
 }
 
 fn rigid(surface: &str, displacement: [Option<f64>; 3], rotation: [Option<f64>; 3]) -> RigidCondition {
-    RigidCondition { surface: surface.into(), reference: None, displacement, rotation, curve: LoadCurve::Ramp }
+    let [displacement, rotation] = [displacement, rotation].map(|of| of.map(|value| value.map(TimedValue::from)));
+    RigidCondition { surface: surface.into(), reference: None, displacement, rotation }
 }
 
 fn clamp(surface: &str) -> SurfaceCondition {

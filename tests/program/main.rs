@@ -4,6 +4,7 @@
 mod arguments;
 mod element_ranks;
 mod elements;
+mod fields;
 mod files;
 mod loads;
 mod messages;

@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use super::formula::FormulaCase;
+use super::load_value::LoadValue;
 use crate::fem::boundary::LoadCurve;
 use crate::fem::element::ElementType;
 use crate::fem::mesh::QuadraticHexahedron;
@@ -48,10 +50,16 @@ pub struct Case {
 }
 
 impl Case {
-    /// Returns the materials of the regions and the solver of the RVEs.
-    pub fn materials(&self) -> Materials {
-        let region = |region: &RegionCase| Region { name: region.name.clone(), material: region.material.clone() };
-        Materials { regions: self.regions.iter().map(region).collect(), rve: self.micro }
+    /// Returns the materials of the regions and the solver of the RVEs; `None` if a parameter varies over the body, so
+    /// that the materials depend on the mesh ([`material_fields`](crate::app::material_fields)).
+    pub fn materials(&self) -> Option<Materials> {
+        let region = |region: &RegionCase| {
+            let constant = |formula: &FormulaCase| formula.constant().map(|formula| formula.clone().into()).ok_or(());
+            let material = region.material.try_map(constant).ok()?;
+            Some(Region { name: region.name.clone(), material })
+        };
+        let regions = self.regions.iter().map(region).collect::<Option<_>>()?;
+        Some(Materials { regions, rve: self.micro })
     }
 }
 
@@ -105,7 +113,7 @@ pub struct RegionCase {
     /// [`assembly`](crate::fem::assembly#f-bar).
     pub f_bar: bool,
     /// The material.
-    pub material: RegionMaterial,
+    pub material: RegionMaterial<FormulaCase>,
 }
 
 /// A boundary condition on a surface.
@@ -122,14 +130,14 @@ pub struct BoundaryCase {
 }
 
 /// A load on a surface.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum SurfaceLoad {
     /// Displacement by component, m; a component that is `None` is free.
-    Displacement([Option<f64>; 3]),
+    Displacement([Option<LoadValue>; 3]),
     /// Traction: force per reference area, Pa.
-    Traction([f64; 3]),
+    Traction([LoadValue; 3]),
     /// Pressure on the deformed surface, Pa; positive if it presses on the body.
-    Pressure(f64),
+    Pressure(LoadValue),
     /// Elastic foundation: spring stiffness per reference area along the normal and along the surface, Pa/m.
     Foundation([f64; 2]),
     /// A plane of symmetry: no displacement along the normal.
@@ -139,14 +147,27 @@ pub enum SurfaceLoad {
 }
 
 /// A surface that moves as a rigid body about a reference point.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct RigidCase {
     /// The reference point, in mesh units; `None` is the centroid of the surface.
     pub reference: Option<[f64; 3]>,
     /// Displacement of the reference point by component, m; a component that is `None` is free.
-    pub displacement: [Option<f64>; 3],
+    pub displacement: [Option<LoadValue>; 3],
     /// Rotation vector by component, rad; a component that is `None` is free.
-    pub rotation: [Option<f64>; 3],
+    pub rotation: [Option<LoadValue>; 3],
+}
+
+impl SurfaceLoad {
+    /// Returns the values that may be expressions.
+    pub fn values(&self) -> Vec<&LoadValue> {
+        match self {
+            Self::Displacement(components) => components.iter().flatten().collect(),
+            Self::Traction(components) => components.iter().collect(),
+            Self::Pressure(value) => vec![value],
+            Self::Rigid(rigid) => rigid.displacement.iter().chain(&rigid.rotation).flatten().collect(),
+            Self::Foundation(_) | Self::Symmetry => Vec::new(),
+        }
+    }
 }
 
 /// A prescribed displacement of a node or a force on it.
@@ -157,11 +178,18 @@ pub struct PointCase {
     /// Line of the case file.
     pub line: usize,
     /// Displacement by component, m; a component that is `None` is free.
-    pub displacement: [Option<f64>; 3],
+    pub displacement: [Option<LoadValue>; 3],
     /// The force on the node, N.
-    pub force: Option<[f64; 3]>,
+    pub force: Option<[LoadValue; 3]>,
     /// The load curve over pseudo-time, of displacement and force.
     pub curve: LoadCurve,
+}
+
+impl PointCase {
+    /// Returns the values that may be expressions.
+    pub fn values(&self) -> Vec<&LoadValue> {
+        self.displacement.iter().flatten().chain(self.force.iter().flatten()).collect()
+    }
 }
 
 /// The specification of a node.
@@ -181,7 +209,7 @@ pub struct BodyForceCase {
     /// Line of the case file.
     pub line: usize,
     /// The force, N/m^3.
-    pub value: [f64; 3],
+    pub value: [LoadValue; 3],
     /// The load curve over pseudo-time.
     pub curve: LoadCurve,
 }

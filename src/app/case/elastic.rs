@@ -1,20 +1,26 @@
 //! Elastic constants: any two of four, converted to the Lame constants.
 
+use std::path::Path;
+
+use super::formula::Unstable;
+use super::parameter::ParameterCase;
 use super::range::Range;
 use super::table::Table;
 
-const KEYS: [(&str, Range); 4] = [
+pub(super) const KEYS: [(&str, Range); 4] = [
     ("youngs_modulus", Range::above(0.0, "Pa")),
     ("poisson_ratio", Range::between(-1.0, 0.5)),
     ("shear_modulus", Range::above(0.0, "Pa")),
     ("lame_lambda", Range::any("Pa")),
 ];
 
-/// Reads exactly two constants from `table`, converts them to `[mu, lambda]` in Pa, and reports an error unless shear
-/// modulus and bulk modulus are positive and finite.
-pub(super) fn lame_constants(table: &mut Table<'_>) -> Option<[f64; 2]> {
+/// Reads exactly two constants from `table`.
+pub(super) fn read(table: &mut Table<'_>, base: &Path) -> Option<Vec<(&'static str, ParameterCase)>> {
     let present = KEYS.map(|(key, _)| table.has(key));
-    let given = KEYS.map(|(key, range)| table.number(key, range));
+    let given = KEYS.map(|(key, range)| {
+        let value = table.get(key)?;
+        ParameterCase::read(&value, range, base).map(|parameter| (key, parameter))
+    });
     let names: Vec<&str> = KEYS.iter().zip(present).filter(|(_, there)| *there).map(|((key, _), _)| *key).collect();
     if names.len() != 2 {
         let cure = if names.len() < 2 { "add a constant" } else { "remove the additional constants" };
@@ -27,28 +33,30 @@ pub(super) fn lame_constants(table: &mut Table<'_>) -> Option<[f64; 2]> {
         table.report(&what, "exactly two of youngs_modulus, poisson_ratio, shear_modulus, lame_lambda", cure);
         return None;
     }
-    let (shear_modulus, lame_lambda) = reduce(given)?;
-    let bulk = lame_lambda + 2.0 / 3.0 * shear_modulus;
-    if !(shear_modulus > 0.0 && bulk > 0.0 && shear_modulus.is_finite() && bulk.is_finite()) {
-        table.report(
-            &format!("gives mu = {shear_modulus} Pa and K = {bulk} Pa from{}", values(&names, given)),
-            "constants of a stable material: shear modulus mu > 0 and bulk modulus K = lambda + 2 mu/3 > 0, both finite",
-            "correct one of the two constants",
-        );
-        return None;
-    }
-    Some([shear_modulus, lame_lambda])
+    Some(given.into_iter().flatten().collect()).filter(|given: &Vec<_>| given.len() == 2)
 }
 
-fn values(names: &[&str], given: [Option<f64>; 4]) -> String {
-    let listed: Vec<String> =
-        names.iter().zip(given.into_iter().flatten()).map(|(name, value)| format!(" {name} = {value}")).collect();
-    listed.join(",")
+/// Converts two constants to `[mu, lambda]` in Pa; an error unless shear modulus and bulk modulus are positive and finite.
+pub(super) fn lame_constants(value: &dyn Fn(&str) -> Option<f64>) -> Result<[f64; 2], Unstable> {
+    let given = KEYS.map(|(key, _)| value(key));
+    let (shear_modulus, lame_lambda) = reduce(given);
+    let bulk = lame_lambda + 2.0 / 3.0 * shear_modulus;
+    if shear_modulus > 0.0 && bulk > 0.0 && shear_modulus.is_finite() && bulk.is_finite() {
+        return Ok([shear_modulus, lame_lambda]);
+    }
+    let listed = KEYS.iter().zip(given).filter_map(|((name, _), value)| Some(format!(" {name} = {}", value?)));
+    let listed: Vec<String> = listed.collect();
+    Err(Unstable {
+        what: format!("gives mu = {shear_modulus} Pa and K = {bulk} Pa from{}", listed.join(",")),
+        expected: "constants of a stable material: shear modulus mu > 0 and bulk modulus K = lambda + 2 mu/3 > 0, both \
+                   finite",
+        cure: "correct one of the two constants",
+    })
 }
 
 /// Returns `(mu, lambda)` for two constants; the values are not finite if the constants contradict each other.
-fn reduce(given: [Option<f64>; 4]) -> Option<(f64, f64)> {
-    Some(match given {
+fn reduce(given: [Option<f64>; 4]) -> (f64, f64) {
+    match given {
         [Some(e), Some(nu), None, None] => (e / (2.0 * (1.0 + nu)), e * nu / ((1.0 + nu) * (1.0 - 2.0 * nu))),
         [Some(e), None, Some(mu), None] => (mu, mu * (e - 2.0 * mu) / (3.0 * mu - e)),
         [Some(e), None, None, Some(lambda)] => {
@@ -60,6 +68,7 @@ fn reduce(given: [Option<f64>; 4]) -> Option<(f64, f64)> {
         [None, Some(nu), Some(mu), None] => (mu, 2.0 * mu * nu / (1.0 - 2.0 * nu)),
         [None, Some(nu), None, Some(lambda)] => (lambda * (1.0 - 2.0 * nu) / (2.0 * nu), lambda),
         [None, None, Some(mu), Some(lambda)] => (mu, lambda),
-        _ => return None,
-    })
+        // `read` returns two constants.
+        _ => (f64::NAN, f64::NAN),
+    }
 }

@@ -1,12 +1,15 @@
 //! Reading boundaries, points and body forces.
 
 use std::collections::{BTreeMap, HashMap};
+use std::sync::Arc;
 
 use super::data::{BodyForceCase, BoundaryCase, PointCase, PointPlace, RigidCase, SurfaceLoad};
-use super::problems::Problems;
+use super::load_value::LoadValue;
+use super::problems::{Problems, nearest};
 use super::range::Range;
 use super::table::{Either, Table};
 use super::value::{Value, did_you_mean};
+use crate::app::expression::{ExpressionFactor, VARIABLES};
 use crate::fem::boundary::LoadCurve;
 use crate::input::excerpt;
 
@@ -20,7 +23,7 @@ pub(super) fn boundaries(root: &mut Table<'_>) -> Vec<BoundaryCase> {
     for mut table in root.tables("boundary") {
         let surface = table.required_text("surface", NAMED_SURFACE);
         let load = boundary_load(&mut table);
-        let curve = curve(&mut table);
+        let curve = curve_beside(&mut table, load.iter().flat_map(SurfaceLoad::values));
         if let (Some(surface), Some(load)) = (surface, load) {
             let new = BoundaryCase { surface: surface.to_string(), line: table.line, load, curve };
             let place = || format!("surface \"{}\"", excerpt(surface));
@@ -38,8 +41,8 @@ fn boundary_load(table: &mut Table<'_>) -> Option<SurfaceLoad> {
     let (key, value) = table.one_of(&keys)?;
     match key {
         "displacement" => displacement_of(&value).map(SurfaceLoad::Displacement),
-        "traction" => value.vector(Range::any("Pa")).map(SurfaceLoad::Traction),
-        "pressure" => value.number(Range::any("Pa")).map(SurfaceLoad::Pressure),
+        "traction" => LoadValue::read_vector(&value, "Pa").map(SurfaceLoad::Traction),
+        "pressure" => LoadValue::read(&value, "Pa").map(SurfaceLoad::Pressure),
         "rigid" => rigid(&value).map(SurfaceLoad::Rigid),
         "symmetry" => {
             if let Some(curve) = table.get("curve") {
@@ -64,8 +67,9 @@ fn boundary_load(table: &mut Table<'_>) -> Option<SurfaceLoad> {
 fn rigid(value: &Value<'_>) -> Option<RigidCase> {
     let mut table = value.table()?;
     let reference = table.get("reference").map(|value| value.vector(Range::any("mesh units")));
-    let displacement = table.get("displacement").map_or(Some([None; 3]), |value| displacement_of(&value));
-    let rotation = table.get("rotation").map_or(Some([None; 3]), |value| components_of(&value, "rad", "{ z = 0.5 }"));
+    let displacement = table.get("displacement").map_or(Some([const { None }; 3]), |value| displacement_of(&value));
+    let rotation =
+        table.get("rotation").map_or(Some([const { None }; 3]), |value| components_of(&value, "rad", "{ z = 0.5 }"));
     table.report_unknown_keys();
     let reference = match reference {
         Some(read) => Some(read?),
@@ -96,15 +100,15 @@ fn foundation(value: &Value<'_>) -> Option<[f64; 2]> {
 }
 
 /// Reads a displacement `{ x, y, z }` with at least one component.
-fn displacement_of(value: &Value<'_>) -> Option<[Option<f64>; 3]> {
+fn displacement_of(value: &Value<'_>) -> Option<[Option<LoadValue>; 3]> {
     components_of(value, "m", "{ x = 0.0 }")
 }
 
 /// Reads `{ x, y, z }` with at least one component.
-fn components_of(value: &Value<'_>, unit: &'static str, example: &str) -> Option<[Option<f64>; 3]> {
+fn components_of(value: &Value<'_>, unit: &'static str, example: &str) -> Option<[Option<LoadValue>; 3]> {
     let mut table = value.table()?;
     let present = AXES.map(|axis| table.has(axis));
-    let components = AXES.map(|axis| table.number(axis, Range::any(unit)));
+    let components = AXES.map(|axis| table.get(axis).and_then(|value| LoadValue::read(&value, unit)));
     if !present.contains(&true) {
         let expected = format!("at least one of `x`, `y` and `z`, in {unit}");
         table.report("contains no component", expected, format!("add one, such as {example}"));
@@ -118,8 +122,8 @@ fn components_of(value: &Value<'_>, unit: &'static str, example: &str) -> Option
 /// Returns which components a load prescribes: given displacements, and tractions other than 0.
 fn prescribed_components(load: &SurfaceLoad) -> [bool; 3] {
     match load {
-        SurfaceLoad::Displacement(components) => components.map(|component| component.is_some()),
-        SurfaceLoad::Traction(components) => components.map(|component| component != 0.0),
+        SurfaceLoad::Displacement(components) => components.each_ref().map(Option::is_some),
+        SurfaceLoad::Traction(components) => components.each_ref().map(|component| !component.is_zero()),
         SurfaceLoad::Pressure(_) | SurfaceLoad::Foundation(_) | SurfaceLoad::Symmetry => [false; 3],
         SurfaceLoad::Rigid(_) => [true; 3],
     }
@@ -177,12 +181,15 @@ pub(super) fn points(root: &mut Table<'_>) -> Vec<PointCase> {
             let expected = "a displacement, a force, or both";
             table.report("has neither `displacement` nor `force`", expected, "add such as force = [0.0, 0.0, 1.0e-3]");
         }
-        let displacement = table.get("displacement").map_or(Some([None; 3]), |value| displacement_of(&value));
-        let force = table.get("force").map(|value| value.vector(Range::any("N")));
-        let curve = curve(&mut table);
-        if let (Some(place), Some(displacement), None | Some(Some(_))) = (place, displacement, force) {
-            let force = force.flatten();
-            let pulled = force.unwrap_or_default().map(|component| component != 0.0);
+        let none = || Some([const { None }; 3]);
+        let displacement = table.get("displacement").map_or_else(none, |value| displacement_of(&value));
+        let force = table.get("force").map(|value| LoadValue::read_vector(&value, "N"));
+        let forces = force.iter().flatten().flatten();
+        let curve = curve_beside(&mut table, displacement.iter().flatten().flatten().chain(forces));
+        let is_invalid = matches!(force, Some(None));
+        let force = force.flatten();
+        if let (Some(place), Some(displacement), false) = (place, displacement, is_invalid) {
+            let pulled = force.as_ref().map_or([false; 3], |force| force.each_ref().map(|value| !value.is_zero()));
             for (k, axis) in AXES.iter().enumerate().filter(|&(k, _)| pulled[k] && displacement[k].is_some()) {
                 let complaint = format!("has both a displacement and a force along {axis}");
                 let expected = "each component prescribed by a displacement or by a force";
@@ -211,8 +218,8 @@ pub(super) fn body_forces(root: &mut Table<'_>) -> Vec<BodyForceCase> {
         let region = table.required_text("region", expected);
         let range = Range::any("N/m^3");
         let form = format!("three numbers{}: x, y, z", range.describe());
-        let value = table.require("value", &form).and_then(|value| value.vector(range));
-        let curve = curve(&mut table);
+        let value = table.require("value", &form).and_then(|value| LoadValue::read_vector(&value, "N/m^3"));
+        let curve = curve_beside(&mut table, value.iter().flatten());
         if let (Some(region), Some(value)) = (region, value) {
             forces.push(BodyForceCase { region: region.to_string(), line: table.line, value, curve });
         }
@@ -221,20 +228,34 @@ pub(super) fn body_forces(root: &mut Table<'_>) -> Vec<BodyForceCase> {
     forces
 }
 
-/// Reads the load curve; a ramp is the default.
-fn curve(table: &mut Table<'_>) -> LoadCurve {
-    table.get("curve").and_then(|value| curve_of(&value)).unwrap_or(LoadCurve::Ramp)
+/// Reads the load curve of these values; a ramp is the default. An expression that contains `t` excludes a curve.
+fn curve_beside<'a>(table: &mut Table<'_>, values: impl Iterator<Item = &'a LoadValue>) -> LoadCurve {
+    let given = table.get("curve");
+    let curve = given.as_ref().and_then(curve_of);
+    if let (Some(given), Some(LoadValue::Expression(timed))) = (given, values.into_iter().find(|v| v.contains_time())) {
+        given.report_error(
+            &format!("is given beside the expression \"{}\", which contains t", excerpt(timed.text())),
+            "an expression of t alone, or a curve and values without t, which it multiplies",
+            "remove `curve`, or `t` from the expression",
+        );
+    }
+    curve.unwrap_or(LoadCurve::Ramp)
 }
 
 fn curve_of(value: &Value<'_>) -> Option<LoadCurve> {
-    const EXPECTED: &str = "\"ramp\", or a list of [t, factor] with t ascending from 0 to 1";
+    const EXPECTED: &str =
+        "\"ramp\", a list of [t, factor] with t ascending from 0 to 1, or an expression of t, x, y and z";
     const PAIR: &str = "[t, factor]: a t from 0 to 1 and a number";
     if let Some(name) = value.inner.as_str() {
-        if name != "ramp" {
+        if name == "ramp" {
+            return Some(LoadCurve::Ramp);
+        }
+        if nearest(name, ["ramp"]).is_some() {
             value.report_invalid(EXPECTED, did_you_mean(name, &["ramp"]));
             return None;
         }
-        return Some(LoadCurve::Ramp);
+        let factor = ExpressionFactor::new(value.expression(EXPECTED, &VARIABLES)?);
+        return Some(LoadCurve::Function(Arc::new(factor)));
     }
     let rows = value.list(EXPECTED, "\"ramp\" or such as [[0.0, 0.0], [1.0, 1.0]]")?;
     if rows.is_empty() {

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::path::Path;
 
 use super::data::RegionCase;
-use super::formula::{self, FormulaModel};
+use super::formula::{self, FormulaCase, FormulaModel};
 use super::law;
 use super::networks;
 use super::problems::alternatives;
@@ -12,7 +12,7 @@ use super::range::Range;
 use super::table::{Either, Table};
 use super::value::did_you_mean;
 use crate::fiber::rve::StressScale;
-use crate::tissue::materials::{BeforeCreation, FiberRve, Formula, NetworkAssignment, RegionMaterial, RveLifecycle};
+use crate::tissue::materials::{BeforeCreation, FiberRve, NetworkAssignment, RegionMaterial, RveLifecycle};
 
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Model {
@@ -20,15 +20,24 @@ enum Model {
     FiberRve,
 }
 
-const MODELS: [(&str, Model); 7] = [
-    ("neo-hookean", Model::Formula(FormulaModel::NeoHookean)),
-    ("linear-elastic", Model::Formula(FormulaModel::LinearElastic)),
-    ("transversely-isotropic", Model::Formula(FormulaModel::TransverselyIsotropic)),
-    ("holmes-mow", Model::Formula(FormulaModel::HolmesMow)),
-    ("holzapfel-gasser-ogden", Model::Formula(FormulaModel::HolzapfelGasserOgden)),
-    ("guccione", Model::Formula(FormulaModel::Guccione)),
-    ("fiber-rve", Model::FiberRve),
+const MODELS: [Model; 7] = [
+    Model::Formula(FormulaModel::NeoHookean),
+    Model::Formula(FormulaModel::LinearElastic),
+    Model::Formula(FormulaModel::TransverselyIsotropic),
+    Model::Formula(FormulaModel::HolmesMow),
+    Model::Formula(FormulaModel::HolzapfelGasserOgden),
+    Model::Formula(FormulaModel::Guccione),
+    Model::FiberRve,
 ];
+
+impl Model {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Formula(formula) => formula.name(),
+            Self::FiberRve => "fiber-rve",
+        }
+    }
+}
 
 const NAMED_REGION: &str = "the name of a physical volume, or \"*\" for every volume not named";
 
@@ -66,9 +75,9 @@ pub(super) fn regions(root: &mut Table<'_>, base: &Path) -> Vec<RegionCase> {
     regions
 }
 
-fn read(mut table: Table<'_>, base: &Path) -> Option<RegionMaterial> {
+fn read(mut table: Table<'_>, base: &Path) -> Option<RegionMaterial<FormulaCase>> {
     let material = match model(&mut table, |_| true)? {
-        Model::Formula(model) => formula::read(model, &mut table).map(RegionMaterial::Formula),
+        Model::Formula(model) => formula::read(model, &mut table, base).map(RegionMaterial::Formula),
         Model::FiberRve => fiber_rve(&mut table, base).map(RegionMaterial::FiberRve),
     };
     table.report_unknown_keys();
@@ -77,19 +86,19 @@ fn read(mut table: Table<'_>, base: &Path) -> Option<RegionMaterial> {
 
 /// Reads the model of a material; only models for which `allowed` returns true are valid.
 fn model(table: &mut Table<'_>, allowed: impl Fn(Model) -> bool) -> Option<Model> {
-    let allowed: Vec<_> = MODELS.into_iter().filter(|&(_, model)| allowed(model)).collect();
-    let names: Vec<&str> = allowed.iter().map(|&(name, _)| name).collect();
+    let allowed: Vec<Model> = MODELS.into_iter().filter(|&model| allowed(model)).collect();
+    let names: Vec<&str> = allowed.iter().map(|model| model.name()).collect();
     let expected = alternatives(names.iter().copied(), '"');
     let value = table.require("model", &expected)?;
     let text = value.text(&expected)?;
-    let found = allowed.iter().find(|(name, _)| *name == text);
+    let found = allowed.into_iter().find(|model| model.name() == text);
     if found.is_none() {
         value.report_invalid(&*expected, did_you_mean(text, &names));
     }
-    found.map(|&(_, model)| model)
+    found
 }
 
-fn fiber_rve(table: &mut Table<'_>, base: &Path) -> Option<FiberRve> {
+fn fiber_rve(table: &mut Table<'_>, base: &Path) -> Option<FiberRve<FormulaCase>> {
     let listed = table.require("networks", "network files, such as [\"networks/*.txt\"]");
     let networks = listed.and_then(|value| {
         let files = networks::resolve(&value, base)?;
@@ -117,7 +126,7 @@ fn fiber_rve(table: &mut Table<'_>, base: &Path) -> Option<FiberRve> {
     };
     let law = table.table("law").map(|table| law::read(table, base));
     let has_matrix = table.has("matrix");
-    let matrix = table.table("matrix").map(matrix);
+    let matrix = table.table("matrix").map(|table| matrix(table, base));
     let lifecycle = table.table("life").map(|table| lifecycle(table, has_matrix)).unwrap_or_default();
     Some(FiberRve {
         networks: networks?,
@@ -159,10 +168,10 @@ fn lifecycle(mut table: Table<'_>, has_matrix: bool) -> RveLifecycle {
 }
 
 /// Reads the matrix in parallel, which is a formula of finite strain.
-fn matrix(mut table: Table<'_>) -> Option<Formula> {
+fn matrix(mut table: Table<'_>, base: &Path) -> Option<FormulaCase> {
     let is_finite_strain = |model| !matches!(model, Model::FiberRve | Model::Formula(FormulaModel::LinearElastic));
     let Model::Formula(model) = model(&mut table, is_finite_strain)? else { return None };
-    let formula = formula::read(model, &mut table);
+    let formula = formula::read(model, &mut table, base);
     table.report_unknown_keys();
     formula
 }

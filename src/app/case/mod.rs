@@ -277,6 +277,54 @@
 //! A `.vtu` file (`file = "body.vtu"`) has numbers instead of names: the regions `region_1`, `region_2`, ... and the
 //! surfaces `surface_1`, ... are the values of an integer array `region` of its cells ([`crate::app::vtu`]).
 //!
+//! # Expressions
+//!
+//! ```toml
+//! [[boundary]]
+//! surface = "x1"
+//! traction = ["1e3*z", 0.0, 0.0]           # each component a number or an expression of t, x, y, z
+//! curve = "t^2"                            # instead of "ramp" or a table
+//! [[boundary]]
+//! surface = "y1"
+//! pressure = "50*sin(pi*t)"                # contains t: no curve
+//! [[boundary]]
+//! surface = "x0"
+//! displacement = { x = "0.1*t*y", y = 0.0 }
+//! ```
+//!
+//! `t` is the pseudo-time from 0 to 1, and `x`, `y`, `z` are the position in the reference state, m.
+//! [`crate::app::expression`] lists operators and functions. Displacements of surfaces and points and forces on points
+//! are evaluated at nodes; tractions, pressures and body forces (`value = [...]`) at integration points.
+//!
+//! An expression that contains `t` is the value at every time, and a `curve` beside it is an error. Everything else,
+//! numbers and expressions of the position, is multiplied by the curve, which is `t` by default. So
+//! `traction = ["1e3*t*z", 5.0, 0.0]` is the same as `["1e3*t*z", "5.0*t", 0.0]`. An expression without variables is a
+//! number. A value that is not finite at a node or integration point, at `t` = 0 or the end of a step, is an error.
+//!
+//! # Fields of material parameters
+//!
+//! Every number of a formula, also of the `matrix` of a `fiber-rve`, may vary over the body:
+//!
+//! ```toml
+//! [region.material]
+//! model = "transversely-isotropic"
+//! youngs_modulus = "1e3*(1 + x)"                       # an expression of x, y, z
+//! poisson_ratio = 0.2
+//! axial_youngs_modulus = { cells = "E" }               # an array of the cells of the mesh, a .vtu file
+//! axial_shear_modulus = { file = "G.csv", column = "G" }
+//! axis = ["-y", "x", 0]                                # of any length; or a field of three components:
+//! # axis = { cells = "fiber" }
+//! # axis = { file = "field.vtu", cells = "fiber" }     # of another file with the same cells
+//! # axis = { file = "G.csv", columns = ["ax", "ay", "az"] }
+//! ```
+//!
+//! An expression is evaluated at the reference position of every integration point; the other fields have one value for
+//! each element. A CSV file has names in its first line and one row for each element of the mesh, in the order of the
+//! result files, or in any order with a column `element` (from 0); rows of elements outside of the region may then be
+//! missing. The cells of another `.vtu` file are those of the mesh in the same order, such as those of a result file.
+//! Each value must be in the range of the number that it replaces. `biotissue check` prints the range of every field.
+//! [`crate::app::material_fields`] evaluates fields.
+//!
 //! # Restrictions
 //!
 //! * A surface may appear in several boundaries and a node in several points, but each component is prescribed once: by
@@ -290,9 +338,11 @@ mod elastic;
 mod formula;
 mod law;
 mod load;
+mod load_value;
 mod material;
 mod names;
 mod networks;
+mod parameter;
 mod problems;
 mod range;
 mod read;
@@ -311,4 +361,11 @@ pub use crate::tissue::materials::{
     BeforeCreation, ElementSelection, FiberRve, Formula, NetworkAssignment, RegionMaterial, RveLifecycle, RveParams,
 };
 pub use data::*;
+pub use formula::{FieldFormula, FormulaCase, FormulaModel};
+pub(crate) use formula::{Unstable, entries as formula_entries};
+pub use load_value::LoadValue;
+pub(crate) use load_value::terms;
+pub(crate) use parameter::direction;
+pub use parameter::{AxisCase, FieldCase, FieldSource, ParameterCase};
+pub(crate) use range::Range;
 pub use read::CaseFile;

@@ -3,6 +3,7 @@
 use crate::input::{InputError, InputErrors, excerpt};
 
 use super::data::{Case, MeshSource};
+use super::formula::FormulaCase;
 use super::problems::{alternatives, nearest};
 use crate::app::vtu;
 use crate::tissue::materials::{OTHER_REGIONS, RegionMaterial, find_region};
@@ -14,7 +15,7 @@ impl Case {
     }
 
     /// Returns the material of a region of the mesh.
-    pub fn material_of(&self, region: &str) -> Option<&RegionMaterial> {
+    pub fn material_of(&self, region: &str) -> Option<&RegionMaterial<FormulaCase>> {
         self.region_of(region).map(|number| &self.regions[number].material)
     }
 

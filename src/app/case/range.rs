@@ -5,7 +5,7 @@ use std::ops::RangeBounds;
 
 /// A range of finite numbers with its unit.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Range {
+pub(crate) struct Range {
     low: Bound<f64>,
     high: Bound<f64>,
     unit: &'static str,
@@ -37,12 +37,12 @@ impl Range {
         Self { low: Included(low), high: Included(high), unit: "" }
     }
 
-    pub(super) fn contains(&self, value: f64) -> bool {
+    pub(crate) fn contains(&self, value: f64) -> bool {
         value.is_finite() && (self.low, self.high).contains(&value)
     }
 
     /// Describes the range, such as ` above 0 and below 1, in Pa`, to follow "a number" or "three numbers".
-    pub(super) fn describe(&self) -> String {
+    pub(crate) fn describe(&self) -> String {
         let mut text = match self.low {
             Included(low) => format!(" from {low}"),
             Excluded(low) => format!(" above {low}"),

@@ -65,6 +65,11 @@ impl<'d> Table<'d> {
         if self.path.is_empty() { "the case".into() } else { format!("`{}`", self.path) }
     }
 
+    /// Returns the path of keys to this table.
+    pub(super) fn path(&self) -> &str {
+        &self.path
+    }
+
     fn path_of(&self, key: &str) -> String {
         if self.path.is_empty() { key.into() } else { format!("{}.{key}", self.path) }
     }

@@ -8,6 +8,7 @@ use toml::de::{DeInteger, DeTable, DeValue};
 use super::problems::{Problems, alternatives, nearest};
 use super::range::Range;
 use super::table::Table;
+use crate::app::expression::{Expression, ExpressionError};
 use crate::input::excerpt;
 
 /// A value with its path and line. Every reader reports its error and then returns `None`.
@@ -170,10 +171,24 @@ impl<'d> Value<'d> {
 
     /// Reads three numbers: x, y, z.
     pub(super) fn vector(&self, range: Range) -> Option<[f64; 3]> {
-        let expected = format!("three numbers{}: x, y, z", range.describe());
-        let components = self.exactly::<3>(&expected, "three numbers in brackets, such as [0.0, 0.0, 1.0]")?;
-        let [x, y, z] = components.map(|component| component.number(range));
+        let [x, y, z] = self.components(range)?.map(|component| component.number(range));
         Some([x?, y?, z?])
+    }
+
+    /// Returns the elements of a list of three: x, y, z.
+    pub(super) fn components(&self, range: Range) -> Option<[Self; 3]> {
+        let expected = format!("three numbers{}: x, y, z", range.describe());
+        self.exactly::<3>(&expected, "three numbers in brackets, such as [0.0, 0.0, 1.0]")
+    }
+
+    /// Reads an expression in quotes, in which these variables may occur.
+    pub(super) fn expression(&self, expected: &str, variables: &[&str]) -> Option<Expression> {
+        let text = self.text(expected)?;
+        let parsed = Expression::parse(text, variables);
+        let report = |error: &ExpressionError| {
+            self.report_error(&format!("is {}, with {error}", shown(self.inner)), expected, error.cure.clone());
+        };
+        parsed.inspect_err(report).ok()
     }
 
     /// Reads three integers; `what` describes them.

@@ -19,8 +19,9 @@ use crate::tissue::materials::{
 };
 
 use super::data::{Case, MeshSource, PointPlace, RigidCase, SurfaceLoad};
-use super::formula;
+use super::formula::FormulaCase;
 use super::load::AXES;
+use super::load_value::LoadValue;
 use super::solver;
 
 /// A key and its value as TOML.
@@ -43,7 +44,7 @@ impl Case {
             section(&mut out, "[[region]]", [text("name", &region.name), entry("f_bar", region.f_bar)]);
             out.push_str("[region.material]\n");
             match &region.material {
-                RegionMaterial::Formula(material) => write(&mut out, formula::entries(material)),
+                RegionMaterial::Formula(material) => write(&mut out, material.entries()),
                 RegionMaterial::FiberRve(rve) => write(&mut out, fiber_rve(rve)),
             }
         }
@@ -54,8 +55,8 @@ impl Case {
         for boundary in &self.boundaries {
             let load = match &boundary.load {
                 SurfaceLoad::Displacement(displacement) => components("displacement", displacement),
-                SurfaceLoad::Traction(traction) => entry("traction", traction),
-                SurfaceLoad::Pressure(pressure) => entry("pressure", pressure),
+                SurfaceLoad::Traction(traction) => vector("traction", traction),
+                SurfaceLoad::Pressure(pressure) => ("pressure", load_value(pressure)),
                 SurfaceLoad::Foundation([normal, tangential]) => {
                     table("foundation", [entry("normal", normal), entry("tangential", tangential)])
                 }
@@ -63,7 +64,7 @@ impl Case {
                 SurfaceLoad::Rigid(rigid) => table("rigid", rigid_entries(rigid)),
             };
             let is_constant = matches!(boundary.load, SurfaceLoad::Foundation(_) | SurfaceLoad::Symmetry);
-            let curve = (!is_constant).then(|| curve(&boundary.curve));
+            let curve = curve(&boundary.curve, &boundary.load.values()).filter(|_| !is_constant);
             let entries = [text("surface", &boundary.surface), load].into_iter().chain(curve);
             section(&mut out, "[[boundary]]", entries);
         }
@@ -72,15 +73,16 @@ impl Case {
                 PointPlace::At(at) => entry("at", at),
                 PointPlace::Node(node) => entry("node", node),
             };
-            let moved = point.displacement != [None; 3];
+            let moved = point.displacement.iter().any(Option::is_some);
             let moved = moved.then(|| components("displacement", &point.displacement));
-            let force = point.force.map(|force| entry("force", force));
-            let entries = [place].into_iter().chain(moved).chain(force).chain([curve(&point.curve)]);
+            let force = point.force.as_ref().map(|force| vector("force", force));
+            let entries = [place].into_iter().chain(moved).chain(force).chain(curve(&point.curve, &point.values()));
             section(&mut out, "[[point]]", entries);
         }
         for force in &self.body_forces {
-            let entries = [text("region", &force.region), entry("value", force.value), curve(&force.curve)];
-            section(&mut out, "[[body_force]]", entries);
+            let entries = [text("region", &force.region), vector("value", &force.value)];
+            let curve = curve(&force.curve, &force.value.iter().collect::<Vec<_>>());
+            section(&mut out, "[[body_force]]", entries.into_iter().chain(curve));
         }
         let adaptive = steps.adaptive.map_or(entry("adaptive", false), |adaptive| {
             let entries = vec![
@@ -147,7 +149,7 @@ pub(super) fn entry(key: &str, value: impl Debug) -> Entry<'_> {
     (key, format!("{value:?}"))
 }
 
-fn quoted(text: &str) -> String {
+pub(super) fn quoted(text: &str) -> String {
     toml::Value::String(text.into()).to_string()
 }
 
@@ -160,7 +162,7 @@ fn path<'a>(key: &'a str, path: &Path) -> Entry<'a> {
 }
 
 /// Formats a table on one line.
-fn table<'a, 'b>(key: &'a str, entries: impl IntoIterator<Item = Entry<'b>>) -> Entry<'a> {
+pub(super) fn table<'a, 'b>(key: &'a str, entries: impl IntoIterator<Item = Entry<'b>>) -> Entry<'a> {
     let entries: Vec<String> = entries.into_iter().map(|(key, value)| format!("{key} = {value}")).collect();
     (key, format!("{{ {} }}", entries.join(", ")))
 }
@@ -201,7 +203,7 @@ fn quadratic_entries(hexahedra: QuadraticHexahedron) -> [Entry<'static>; 2] {
     [entry("order", 2), entry("hexahedra", nodes)]
 }
 
-fn fiber_rve(rve: &FiberRve) -> Vec<Entry<'static>> {
+fn fiber_rve(rve: &FiberRve<FormulaCase>) -> Vec<Entry<'static>> {
     let networks: String =
         rve.networks.iter().map(|file| format!("    {},\n", quoted(&file.to_string_lossy()))).collect();
     let assignment = match rve.assignment {
@@ -219,7 +221,7 @@ fn fiber_rve(rve: &FiberRve) -> Vec<Entry<'static>> {
         },
     ];
     entries.extend(rve.law.as_ref().map(|material| table("law", law(material))));
-    entries.extend(rve.matrix.as_ref().map(|matrix| table("matrix", formula::entries(matrix))));
+    entries.extend(rve.matrix.as_ref().map(|matrix| table("matrix", matrix.entries())));
     entries.extend((rve.lifecycle != RveLifecycle::default()).then(|| table("life", lifecycle(&rve.lifecycle))));
     entries
 }
@@ -258,20 +260,36 @@ fn law(FiberMaterial { law, radius, .. }: &FiberMaterial) -> Vec<Entry<'static>>
 fn rigid_entries(rigid: &RigidCase) -> Vec<Entry<'static>> {
     let reference = rigid.reference.map(|reference| entry("reference", reference));
     let motion = [("displacement", &rigid.displacement), ("rotation", &rigid.rotation)];
-    let motion =
-        motion.into_iter().filter(|(_, given)| **given != [None; 3]).map(|(key, given)| components(key, given));
-    reference.into_iter().chain(motion).collect()
+    let given = motion.into_iter().filter(|(_, given)| given.iter().any(Option::is_some));
+    reference.into_iter().chain(given.map(|(key, given)| components(key, given))).collect()
 }
 
-fn components(key: &'static str, components: &[Option<f64>; 3]) -> Entry<'static> {
+fn components(key: &'static str, components: &[Option<LoadValue>; 3]) -> Entry<'static> {
     let named = AXES.into_iter().zip(components);
-    table(key, named.filter_map(|(axis, component)| component.map(|value| entry(axis, value))))
+    let given = named.filter_map(|(axis, component)| component.as_ref().map(|value| (axis, load_value(value))));
+    table(key, given)
 }
 
-fn curve(curve: &LoadCurve) -> Entry<'static> {
-    match curve {
-        // A case file has no functions.
-        LoadCurve::Ramp | LoadCurve::Function(_) => entry("curve", "ramp"),
-        LoadCurve::Table(table) => entry("curve", table.points()),
+fn load_value(value: &LoadValue) -> String {
+    match value {
+        LoadValue::Number(number) => entry("", number).1,
+        LoadValue::Expression(expression) => quoted(expression.text()),
     }
+}
+
+fn vector<'a>(key: &'a str, values: &[LoadValue; 3]) -> Entry<'a> {
+    (key, format!("[{}]", values.each_ref().map(load_value).join(", ")))
+}
+
+/// Formats the curve of these values; there is none beside an expression that contains `t`.
+fn curve(curve: &LoadCurve, values: &[&LoadValue]) -> Option<Entry<'static>> {
+    if values.iter().any(|value| value.contains_time()) {
+        return None;
+    }
+    Some(match curve {
+        LoadCurve::Ramp => entry("curve", "ramp"),
+        LoadCurve::Table(table) => entry("curve", table.points()),
+        // A case file names functions by their formulas; only these are made from one.
+        LoadCurve::Function(function) => text("curve", function.formula().unwrap_or("ramp")),
+    })
 }

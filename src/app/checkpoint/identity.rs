@@ -5,12 +5,15 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::app::case::{Case, ElementSelection, MeshSource, OutputCase, RegionMaterial, ScalesCase};
+use crate::app::case::{
+    Case, ElementSelection, Formula, FormulaCase, MeshSource, OutputCase, RegionMaterial, ScalesCase, formula_entries,
+};
 use crate::checksum::Fnv;
 use crate::fem::element::CellType;
 use crate::fem::mesh::{Cells, Mesh};
 use crate::fiber::law::{FiberLaw, FiberMaterial, Law};
 use crate::fiber::network::Network;
+use crate::tissue::materials::Formulas;
 use crate::tissue::micro_scale::TissueMaterial;
 
 /// The case, mesh and networks of a run, without the location of files, the title and the output settings.
@@ -44,6 +47,9 @@ pub enum Mismatch {
     /// The meshes differ.
     #[error("the mesh differs (nodes, elements, regions or surfaces)")]
     Mesh,
+    /// The values of material parameters or axes differ.
+    #[error("the material fields differ (parameters or axes by element)")]
+    Fields,
     /// The networks differ.
     #[error("the fiber networks differ (nodes, fibers or materials)")]
     Networks,
@@ -63,7 +69,7 @@ impl Identity {
         Self {
             program: env!("CARGO_PKG_VERSION").into(),
             backend: backend.into(),
-            case: text_of(case),
+            case: text_of(case) + &fields_of(field),
             mesh: hash_of_mesh(mesh),
             networks: networks.finish(),
         }
@@ -85,6 +91,8 @@ impl Identity {
         for Difference { section, before, now } in differences(&self.case, &now.case) {
             if is_setting(section, before, now) {
                 remarks.push(format!("{section} {} before, {} now", entry(before), entry(now)));
+            } else if section == FIELDS {
+                return Err(Mismatch::Fields);
             } else {
                 return Err(Mismatch::Case { section: section.into(), before: before.into(), now: now.into() });
             }
@@ -110,13 +118,46 @@ fn text_of(case: &Case) -> String {
         *file = name_of(file);
     }
     for region in &mut case.regions {
-        if let RegionMaterial::FiberRve(rve) = &mut region.material {
-            rve.networks.iter_mut().for_each(|file| *file = name_of(file));
+        let formula = match &mut region.material {
+            RegionMaterial::Formula(formula) => Some(formula),
+            RegionMaterial::FiberRve(rve) => {
+                rve.networks.iter_mut().for_each(|file| *file = name_of(file));
+                rve.matrix.as_mut()
+            }
+        };
+        if let Some(FormulaCase::Field(field)) = formula {
+            field.files_mut().for_each(|file| *file = name_of(file));
         }
     }
     let text = case.to_toml();
     let lines = text.lines().map(str::trim).filter(|line| !line.is_empty() && !line.starts_with('#'));
     lines.map(|line| format!("{line}\n")).collect()
+}
+
+/// The table below the case that holds the hash of the fields.
+const FIELDS: &str = "[fields]";
+
+/// Returns a table with the hash of all formulas that are not the same at all points, or nothing without any. The hash
+/// is part of the text, so that cases without fields have the same identity as in earlier versions.
+fn fields_of(field: &impl TissueMaterial) -> String {
+    let mut hash = None;
+    for region in field.library().regions() {
+        let Some(formulas) = region.material.formula() else { continue };
+        let is_custom = formulas.distinct().iter().any(|formula| matches!(**formula, Formula::Custom(_)));
+        if !is_custom && matches!(formulas, Formulas::Uniform(_)) {
+            continue;
+        }
+        let hash = hash.get_or_insert_with(Fnv::new);
+        hash.add_str(&region.name);
+        for (key, value) in formulas.distinct().iter().flat_map(|formula| formula_entries(formula)) {
+            hash.add_str(key);
+            hash.add_str(&value);
+        }
+        if let Formulas::Points(points) = formulas {
+            points.of_point().iter().for_each(|&formula| hash.add_u64(formula.into()));
+        }
+    }
+    hash.map_or_else(String::new, |hash| format!("{FIELDS}\nhash = {:016x}\n", hash.finish()))
 }
 
 fn name_of(file: &Path) -> PathBuf {

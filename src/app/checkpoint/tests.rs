@@ -127,7 +127,7 @@ fn a_state_that_does_not_fit_changes_nothing() {
     let (dir, _, _) = directory();
     let case = case();
     let (mesh, _) = macro_scale::mesh(&case).unwrap();
-    let (mut field, _) = TissueField::<Sparse>::new((), case.materials(), &mesh).unwrap();
+    let (mut field, _) = TissueField::<Sparse>::new((), case.materials().unwrap(), &mesh).unwrap();
     let (found, _) = latest(dir.path(), &Identity::new("sparse", &case, &mesh, &field)).unwrap();
     let Checkpoint { state, statuses, units, .. } = found.unwrap();
     assert_eq!((state.completed_steps, units.len()), (2, 6));

@@ -8,6 +8,7 @@ use super::Simulation;
 use super::problem_size::ProblemSize;
 use crate::app::case::{Case, RegionMaterial};
 use crate::app::macro_scale;
+use crate::app::material_fields::{self, FieldRange, ResolvedMaterials};
 use crate::app::plausibility;
 use crate::app::results::ResultsRecord;
 use crate::app::rve_files;
@@ -17,6 +18,7 @@ use crate::fem::rigid_modes;
 use crate::fem::stepping::{SetupError, Stepper};
 use crate::input::InputErrors;
 use crate::las::RealBackend;
+use crate::tissue::materials::Materials;
 use crate::tissue::micro_scale::{LibraryError, TissueField, TissueFieldError, TissueMaterial};
 
 /// The reason why a simulation cannot be set up.
@@ -43,6 +45,7 @@ pub struct Setup<B: RealBackend, M = TissueField<B>> {
     networks: Vec<usize>,
     unknowns: usize,
     free_mode_supports: Vec<(u32, u8)>,
+    ranges: Vec<FieldRange>,
     warnings: Vec<String>,
 }
 
@@ -57,20 +60,20 @@ where
     /// conditions leave a rigid-body mode.
     pub fn new(context: B::Context, case: Case) -> Result<Self, SimulationError<B::Error>> {
         let of_rves = context.clone();
-        Self::with_material(context, case, |case, mesh| TissueField::new(of_rves, case.materials(), mesh))
+        Self::with_material(context, case, |materials, mesh| TissueField::new(of_rves, materials, mesh))
     }
 }
 
 impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
-    /// Reads the mesh of a case and checks it against the case; `material` returns the materials of its elements, and
-    /// warnings.
+    /// Reads the mesh of a case and checks it against the case; `material` sets up the materials of the case on the mesh,
+    /// and returns warnings.
     ///
     /// # Errors
     /// As for [`Setup::new`].
     pub fn with_material(
         context: B::Context,
         case: Case,
-        material: impl FnOnce(&Case, &Mesh) -> Result<(M, Vec<String>), LibraryError>,
+        material: impl FnOnce(Materials, &Mesh) -> Result<(M, Vec<String>), LibraryError>,
     ) -> Result<Self, SimulationError<B::Error>> {
         let (mesh, mut warnings) = macro_scale::mesh(&case)?;
         let conditions = macro_scale::conditions(&case);
@@ -78,13 +81,14 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
         rigid_modes::check(&mesh, &boundary.restraints(&mesh), boundary.kinematics().rigid_surfaces())
             .map_err(|error| Box::new(error.into()))?;
         let unknowns = boundary.free_unknowns(mesh.nodes().len());
-        let (field, network_warnings) = material(&case, &mesh)?;
+        let ResolvedMaterials { materials, ranges } = material_fields::resolve(&case, &mesh)?;
+        let (field, network_warnings) = material(materials, &mesh)?;
         warnings.extend(plausibility::warnings(&case, &mesh, field.library()));
         warnings.extend(network_warnings);
         warnings.extend(without_networks(&case));
         let networks = rve_files::points(&case, &field)?;
         let free_mode_supports = boundary.free_mode_supports().collect();
-        Ok(Self { context, case, mesh, conditions, field, networks, unknowns, free_mode_supports, warnings })
+        Ok(Self { context, case, mesh, conditions, field, networks, unknowns, free_mode_supports, ranges, warnings })
     }
 
     /// Returns the nodes and components that are held because the case has `free = "rigid"`.
@@ -95,6 +99,11 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
     /// Returns the size of the problem.
     pub fn problem_size(&self) -> ProblemSize {
         ProblemSize::new(&self.case, &self.mesh, &self.field, self.unknowns)
+    }
+
+    /// Returns the ranges of the material parameters and axes that vary over the body.
+    pub fn field_ranges(&self) -> &[FieldRange] {
+        &self.ranges
     }
 
     /// Returns the warnings of the readers.

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use biotissue::app::case::Case;
+use biotissue::app::material_fields::FieldRange;
 use biotissue::app::run::{NetworkSize, ProblemSize};
 
 use clap::Args;
@@ -54,6 +55,7 @@ struct Plan {
     rve_bytes: usize,
     body_bytes: usize,
     networks: Vec<NetworkSize>,
+    fields: Vec<FieldRange>,
     surfaces: Vec<String>,
     regions: Vec<String>,
     /// The supports against free rigid-body modes.
@@ -92,6 +94,7 @@ impl Job for CheckJob {
             rve_bytes,
             body_bytes,
             networks,
+            fields: setup.field_ranges().to_vec(),
             surfaces: setup.mesh().surface_names().map(str::to_owned).collect(),
             regions: setup.mesh().regions().to_vec(),
             supports: setup
@@ -128,6 +131,9 @@ impl Plan {
         for SupportPlan { node, position: [x, y, z], component } in &self.supports {
             lines
                 .push(format!("support    {component} of node {node} at ({x}, {y}, {z}) m, against a rigid-body mode"));
+        }
+        for FieldRange { region, parameter, min, max } in &self.fields {
+            lines.push(format!("field      {parameter} from {min:?} to {max:?} in region \"{region}\""));
         }
         lines.push(format!("steps      {}", self.steps));
         let megabytes = |bytes: usize| bytes as f64 * 1e-6;

@@ -148,6 +148,9 @@ pub fn not_set_up<F: std::error::Error + 'static>(
             "a network whose fibers have a law, a radius and a modulus",
             "give the region a `law`, or put NETWORK.toml with a [law] or NETWORK.params beside the network",
         ),
+        SimulationError::Library(LibraryError::NoFormula(..)) => {
+            ("a formula at every point of the region", "make the formulas for the mesh of the case")
+        }
         SimulationError::Library(LibraryError::NoMaterial(_)) => {
             ("a material for every region of the mesh", "add a [[region]] with the name of that region, or \"*\"")
         }

@@ -22,6 +22,8 @@ pub struct Conditions {
     pub surfaces: Vec<SurfaceCondition>,
     /// Prescribed displacements of single nodes.
     pub points: Vec<PointCondition>,
+    /// Displacement components at those nodes with curves of their own.
+    pub point_displacements: Vec<PointDisplacement>,
     /// Loads, whose forces are added in this order: [`Traction`](super::Traction),
     /// [`Pressure`](super::Pressure), [`Foundation`](super::Foundation), [`PointLoad`](super::PointLoad),
     /// [`BodyForce`](super::BodyForce), or any other implementation of [`LoadCondition`].
@@ -55,6 +57,19 @@ pub struct PointCondition {
     pub place: PointLocation,
     /// Prescribed displacement by component, m; `None` leaves the component free.
     pub displacement: [Option<f64>; 3],
+    /// The factor over pseudo-time.
+    pub curve: LoadCurve,
+}
+
+/// A displacement component of the node of a point condition with a curve of its own.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PointDisplacement {
+    /// The point condition to which the reaction is assigned: index into [`Conditions::points`].
+    pub point: usize,
+    /// 0, 1, 2 for x, y, z.
+    pub component: usize,
+    /// The displacement at a factor of 1, m.
+    pub value: f64,
     /// The factor over pseudo-time.
     pub curve: LoadCurve,
 }

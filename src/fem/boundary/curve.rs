@@ -21,7 +21,8 @@ pub enum LoadCurve {
     Ramp,
     /// Linear interpolation between points.
     Table(LoadTable),
-    /// Any function. Two curves are equal only if they share it.
+    /// Any function. Two curves are equal if they share it, or if both functions have the same
+    /// [`LoadFunction::formula`].
     Function(Arc<dyn LoadFunction>),
 }
 
@@ -57,6 +58,12 @@ pub trait LoadFunction: Debug + Send + Sync {
     fn break_points(&self) -> Vec<f64> {
         Vec::new()
     }
+
+    /// Returns a text that defines the function: two functions with the same formula have the same factors. The default
+    /// is `None`.
+    fn formula(&self) -> Option<&str> {
+        None
+    }
 }
 
 impl PartialEq for LoadCurve {
@@ -64,7 +71,9 @@ impl PartialEq for LoadCurve {
         match (self, other) {
             (Self::Ramp, Self::Ramp) => true,
             (Self::Table(one), Self::Table(other)) => one == other,
-            (Self::Function(one), Self::Function(other)) => Arc::ptr_eq(one, other),
+            (Self::Function(one), Self::Function(other)) => {
+                Arc::ptr_eq(one, other) || one.formula().is_some() && one.formula() == other.formula()
+            }
             _ => false,
         }
     }

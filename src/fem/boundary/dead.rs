@@ -2,7 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use super::{BoundaryError, Load, LoadCondition, LoadCurve, Source, check_finite, find_surface, position_at};
+use super::{
+    BoundaryError, Load, LoadCondition, LoadCurve, Source, check_finite, check_finite_at, find_surface, position_at,
+};
 use crate::fem::mesh::Mesh;
 
 /// A force per reference area of a surface, whose direction and magnitude do not follow the deformation.
@@ -69,11 +71,19 @@ impl<'a> Places<'a> {
         }
     }
 
-    fn load(mut self, surface: Option<usize>, value: [f64; 3]) -> NodalLoad {
+    fn load(
+        mut self,
+        surface: Option<usize>,
+        value: [f64; 3],
+        name: impl Fn() -> String,
+    ) -> Result<NodalLoad, BoundaryError> {
+        for place in &self.places {
+            check_finite_at(&name, (&value, self.curve), place.position)?;
+        }
         if !self.sums.is_empty() {
             self.places.push(Place { position: [0.0; 3], weights: self.sums.into_iter().collect() });
         }
-        NodalLoad { surface, places: self.places, value, curve: self.curve.clone() }
+        Ok(NodalLoad { surface, places: self.places, value, curve: self.curve.clone() })
     }
 }
 
@@ -81,7 +91,8 @@ impl LoadCondition for Traction {
     /// Each node of a face gets the integral of its shape function over the reference area.
     fn resolve(&self, mesh: &Mesh) -> Result<Box<dyn Load>, BoundaryError> {
         let (number, surface) = find_surface(mesh, &self.surface)?;
-        check_finite(|| format!("surface `{}`", self.surface), &self.value)?;
+        let name = || format!("surface `{}`", self.surface);
+        check_finite(name, &self.value)?;
         let mut places = Places::new(&self.curve);
         for (face_type, nodes) in surface.faces.typed() {
             let positions = mesh.positions_of(nodes);
@@ -89,14 +100,15 @@ impl LoadCondition for Traction {
                 places.add(nodes, &positions, values, (x * x + y * y + z * z).sqrt());
             });
         }
-        Ok(Box::new(places.load(Some(number), self.value)))
+        Ok(Box::new(places.load(Some(number), self.value, name)?))
     }
 }
 
 impl LoadCondition for BodyForce {
     /// Each node of an element gets the integral of its shape function.
     fn resolve(&self, mesh: &Mesh) -> Result<Box<dyn Load>, BoundaryError> {
-        check_finite(|| format!("the body force on region `{}`", self.region), &self.value)?;
+        let name = || format!("the body force on region `{}`", self.region);
+        check_finite(name, &self.value)?;
         let region = match self.region.as_str() {
             "*" => None,
             name => Some(mesh.region(name).ok_or_else(|| BoundaryError::UnknownRegion {
@@ -111,7 +123,7 @@ impl LoadCondition for BodyForce {
                 element_type.integrate(&positions, |values, volume| places.add(nodes, &positions, values, volume));
             }
         }
-        Ok(Box::new(places.load(None, self.value)))
+        Ok(Box::new(places.load(None, self.value, name)?))
     }
 }
 

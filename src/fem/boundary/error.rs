@@ -37,6 +37,29 @@ pub enum BoundaryError {
         /// The value.
         value: f64,
     },
+    /// A load or a prescribed displacement is NaN or infinite at a position of the body.
+    #[error(
+        "{place}: the value at t = {t} and x = {:.6e}, y = {:.6e}, z = {:.6e} m is {value}, which is not finite",
+        position[0], position[1], position[2]
+    )]
+    NotFiniteAt {
+        /// The condition that contains the value.
+        place: String,
+        /// The value.
+        value: f64,
+        /// The pseudo-time.
+        t: f64,
+        /// The position in the reference state, m.
+        position: [f64; 3],
+    },
+    /// A displacement refers to a point condition that does not exist.
+    #[error("there is no point condition {point}: there are {known}")]
+    UnknownPoint {
+        /// The requested index.
+        point: usize,
+        /// The number of point conditions.
+        known: usize,
+    },
     /// Two conditions prescribe different values for one displacement component.
     #[error(
         "node {node} is given two {}-displacements: {first_value:e} m by {first} and {second_value:e} m by {second} (times their curves)",

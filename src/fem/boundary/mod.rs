@@ -25,7 +25,7 @@ mod pressure;
 mod rigid;
 mod skew;
 
-pub use conditions::{Conditions, PointCondition, PointLocation, SurfaceCondition};
+pub use conditions::{Conditions, PointCondition, PointDisplacement, PointLocation, SurfaceCondition};
 pub use curve::{CurveError, LoadCurve, LoadFunction, LoadTable};
 pub use dead::{BodyForce, Traction};
 pub use error::BoundaryError;
@@ -34,7 +34,7 @@ pub use load::{CoupledNodes, Load, LoadCondition, Support};
 pub use point_load::PointLoad;
 pub use prescribed::{PrescribedComponent, Source};
 pub use pressure::Pressure;
-pub use rigid::RigidCondition;
+pub use rigid::{RigidCondition, TimedValue};
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -78,6 +78,12 @@ impl Boundary {
             let node = find_node(mesh, number, point.place)?;
             point_nodes.push(node);
             prescribed.add(&[node], &point.displacement, &point.curve, Source::Point(number))?;
+        }
+        for PointDisplacement { point, component, value, curve } in &conditions.point_displacements {
+            let known = point_nodes.len();
+            let node = point_nodes.get(*point).ok_or(BoundaryError::UnknownPoint { point: *point, known })?;
+            let displacement: [Option<f64>; 3] = std::array::from_fn(|i| (i == *component).then_some(*value));
+            prescribed.add(&[*node], &displacement, curve, Source::Point(*point))?;
         }
         let mut planes = symmetry_planes(mesh, &conditions.symmetry_planes, &mut prescribed)?;
         let rigid = rigid_surfaces(mesh, &conditions.rigid, &mut prescribed, &mut planes)?;
@@ -381,6 +387,21 @@ fn check_finite(place: impl FnOnce() -> String, values: &[f64]) -> Result<(), Bo
         Some(&value) => Err(BoundaryError::NotFinite { place: place(), value }),
         None => Ok(()),
     }
+}
+
+/// Checks the values of a load at both ends of pseudo-time, at a position.
+fn check_finite_at(
+    place: impl Fn() -> String,
+    (values, curve): (&[f64], &LoadCurve),
+    position: [f64; 3],
+) -> Result<(), BoundaryError> {
+    for t in [0.0, 1.0] {
+        let factor = curve.factor(t, position);
+        if let Some(value) = values.iter().map(|value| value * factor).find(|value| !value.is_finite()) {
+            return Err(BoundaryError::NotFiniteAt { place: place(), value, t, position });
+        }
+    }
+    Ok(())
 }
 
 /// Returns the position at which the shape functions of nodes at `positions` have these values.

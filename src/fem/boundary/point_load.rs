@@ -1,6 +1,8 @@
 //! Concentrated forces on nodes.
 
-use super::{BoundaryError, Load, LoadCondition, LoadCurve, PointLocation, Source, check_finite, find_node};
+use super::{
+    BoundaryError, Load, LoadCondition, LoadCurve, PointLocation, Source, check_finite, check_finite_at, find_node,
+};
 use crate::fem::mesh::Mesh;
 
 /// A force on the node of a point condition, whose direction and magnitude do not follow the deformation.
@@ -35,6 +37,7 @@ impl LoadCondition for PointLoad {
         let node = find_node(mesh, self.point, self.place)?;
         check_finite(|| Source::Point(self.point).describe(mesh), &self.value)?;
         let (position, curve) = (mesh.nodes()[node as usize], self.curve.clone());
+        check_finite_at(|| Source::Point(self.point).describe(mesh), (&self.value, &curve), position)?;
         Ok(Box::new(Concentrated { point: self.point, node, position, value: self.value, curve }))
     }
 }

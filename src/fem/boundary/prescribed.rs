@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use super::{BoundaryError, LoadCurve, check_finite};
+use super::{BoundaryError, LoadCurve, check_finite, check_finite_at};
 use crate::fem::mesh::Mesh;
 
 /// The origin of a prescribed displacement.
@@ -78,8 +78,7 @@ impl<'m> PrescribedCollector<'m> {
             for &node in nodes {
                 let (position, curve) = (self.mesh.nodes()[node as usize], Arc::clone(&curve));
                 let prescribed = PrescribedComponent { node, component, value, source, position, curve };
-                let start = prescribed.displacement(0.0);
-                check_finite(|| source.describe(self.mesh), &[start, prescribed.displacement(1.0)])?;
+                check_finite_at(|| source.describe(self.mesh), (&[value], &prescribed.curve), position)?;
                 self.insert(prescribed)?;
             }
         }

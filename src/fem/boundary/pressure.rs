@@ -5,7 +5,8 @@ use std::collections::HashMap;
 use nalgebra::Vector3;
 
 use super::{
-    BoundaryError, CoupledNodes, Load, LoadCondition, LoadCurve, Source, check_finite, find_surface, position_at,
+    BoundaryError, CoupledNodes, Load, LoadCondition, LoadCurve, Source, check_finite, check_finite_at, find_surface,
+    position_at,
 };
 use crate::fem::element::CellType;
 use crate::fem::mesh::{Faces, Mesh};
@@ -48,6 +49,9 @@ impl LoadCondition for Pressure {
         let (surface, of_mesh) = find_surface(mesh, &self.surface)?;
         check_finite(|| format!("surface `{}`", self.surface), &[self.value])?;
         let faces = of_mesh.faces.clone();
+        if let LoadCurve::Function(_) = self.curve {
+            check_values(self, mesh, &faces)?;
+        }
         Ok(Box::new(FollowerPressure {
             surface,
             is_closed: is_closed(&faces),
@@ -57,6 +61,22 @@ impl LoadCondition for Pressure {
             curve: self.curve.clone(),
         }))
     }
+}
+
+/// Checks the pressure at the integration points of all faces.
+fn check_values(pressure: &Pressure, mesh: &Mesh, faces: &Faces) -> Result<(), BoundaryError> {
+    let mut checked = Ok(());
+    for (face_type, nodes) in faces.typed() {
+        let positions = mesh.positions_of(nodes);
+        face_type.integrate(&positions, |values, _| {
+            if checked.is_ok() {
+                let position = position_at(positions.iter().copied(), values);
+                let place = || format!("surface `{}`", pressure.surface);
+                checked = check_finite_at(place, (&[pressure.value], &pressure.curve), position);
+            }
+        });
+    }
+    checked
 }
 
 /// Returns true if every edge of a face is also one of another face, in the opposite direction.

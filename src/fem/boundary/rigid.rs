@@ -1,10 +1,8 @@
 //! Rigid surfaces: nodes that follow a reference point.
 
-use std::sync::Arc;
-
 use nalgebra::Vector3;
 
-use super::{BoundaryError, LoadCurve, PrescribedComponent, Source, check_finite, find_surface};
+use super::{BoundaryError, LoadCurve, PrescribedComponent, Source, check_finite, check_finite_at, find_surface};
 use crate::fem::kinematics::{RigidMotion, RigidSurface};
 use crate::fem::mesh::{Mesh, Surface};
 
@@ -23,57 +21,65 @@ pub struct RigidCondition {
     /// The reference point in the reference state, m; `None` is the centroid of the surface.
     pub reference: Option<[f64; 3]>,
     /// Prescribed displacement of the reference point by component, m.
-    pub displacement: [Option<f64>; 3],
+    pub displacement: [Option<TimedValue>; 3],
     /// Prescribed rotation vector by component, rad.
-    pub rotation: [Option<f64>; 3],
-    /// The factor over pseudo-time of displacement and rotation.
+    pub rotation: [Option<TimedValue>; 3],
+}
+
+/// A value with its factor over pseudo-time, which is evaluated at the reference point.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TimedValue {
+    /// The value at a factor of 1.
+    pub value: f64,
+    /// The factor.
     pub curve: LoadCurve,
+}
+
+impl From<f64> for TimedValue {
+    /// A value that grows in proportion to pseudo-time.
+    fn from(value: f64) -> Self {
+        Self { value, curve: LoadCurve::Ramp }
+    }
 }
 
 /// A rigid condition on a mesh.
 #[derive(Clone, Debug)]
 pub(super) struct ResolvedRigid {
     pub surface: RigidSurface,
-    /// The prescribed values at a factor of 1: displacement, m, then rotation, rad.
-    values: [Option<f64>; 6],
-    curve: Arc<LoadCurve>,
+    /// The prescribed components: displacement, m, then rotation, rad.
+    components: [Option<TimedValue>; 6],
 }
 
 impl RigidCondition {
     pub(super) fn resolve(&self, mesh: &Mesh) -> Result<ResolvedRigid, BoundaryError> {
         let (number, surface) = find_surface(mesh, &self.surface)?;
         let reference = self.reference.unwrap_or_else(|| centroid(mesh, surface));
-        let ([ux, uy, uz], [rx, ry, rz]) = (self.displacement, self.rotation);
-        let values = [ux, uy, uz, rx, ry, rz];
+        let ([ux, uy, uz], [rx, ry, rz]) = (self.displacement.clone(), self.rotation.clone());
         let resolved = ResolvedRigid {
             surface: RigidSurface::new(number, reference, surface.nodes(), mesh.nodes()),
-            values,
-            curve: Arc::new(self.curve.clone()),
+            components: [ux, uy, uz, rx, ry, rz],
         };
-        let given = values.iter().flatten().copied().chain(reference);
-        let numbers: Vec<f64> = given.chain([0.0, 1.0].map(|t| resolved.factor(t))).collect();
-        check_finite(|| Source::Surface(number).describe(mesh), &numbers)?;
+        check_finite(|| Source::Surface(number).describe(mesh), &reference)?;
+        for component in resolved.components.iter().flatten() {
+            let place = || Source::Surface(number).describe(mesh);
+            check_finite_at(place, (&[component.value], &component.curve), reference)?;
+        }
         Ok(resolved)
     }
 }
 
 impl ResolvedRigid {
-    fn factor(&self, t: f64) -> f64 {
-        self.curve.factor(t, self.surface.reference)
-    }
-
     /// Returns which of the six unknowns are prescribed.
     pub fn prescribed(&self) -> [bool; 6] {
-        self.values.map(|value| value.is_some())
+        self.components.each_ref().map(Option::is_some)
     }
 
     /// Writes the prescribed components of the motion at pseudo-time `t`.
     pub fn apply(&self, t: f64, motion: &mut RigidMotion) {
-        let factor = self.factor(t);
         let components = motion.displacement.iter_mut().chain(&mut motion.rotation);
-        for (component, value) in components.zip(self.values) {
-            if let Some(value) = value {
-                *component = value * factor;
+        for (component, prescribed) in components.zip(&self.components) {
+            if let Some(TimedValue { value, curve }) = prescribed {
+                *component = value * curve.factor(t, self.surface.reference);
             }
         }
     }
@@ -81,7 +87,7 @@ impl ResolvedRigid {
     /// Returns true if the surface cannot move its nodes along x, y or z (`component` 0, 1, 2), whatever its other
     /// motions: the component is then held without a condition of its own.
     pub fn holds(&self, component: usize) -> bool {
-        let is_held = |k: usize| self.values[k] == Some(0.0);
+        let is_held = |k: usize| self.components[k].as_ref().is_some_and(|component| component.value == 0.0);
         is_held(component) && (0..3).all(|k| k == component || is_held(3 + k))
     }
 
@@ -91,8 +97,8 @@ impl ResolvedRigid {
     }
 
     pub fn break_points(&self) -> Vec<f64> {
-        let moves = self.values.iter().flatten().any(|&value| value != 0.0);
-        if moves { self.curve.break_points() } else { Vec::new() }
+        let moving = self.components.iter().flatten().filter(|component| component.value != 0.0);
+        moving.flat_map(|component| component.curve.break_points()).collect()
     }
 }
 

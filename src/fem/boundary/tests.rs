@@ -212,3 +212,88 @@ fn functions_of_the_position_are_integrated_over_surfaces_and_regions() {
         assert!((u[0] - 0.05 * (1.0 + 2.0 * x[1])).abs() < 1e-15);
     }
 }
+
+/// `1 / (x - from)`, which has no value at `from`.
+#[derive(Debug)]
+struct Pole {
+    from: f64,
+    formula: String,
+}
+
+impl LoadFunction for Pole {
+    fn factor(&self, t: f64, [x, ..]: [f64; 3]) -> f64 {
+        t / (x - self.from)
+    }
+
+    fn formula(&self) -> Option<&str> {
+        Some(&self.formula)
+    }
+}
+
+fn pole(from: f64) -> LoadCurve {
+    LoadCurve::Function(Arc::new(Pole { from, formula: format!("t / (x - {from})") }))
+}
+
+#[test]
+fn functions_without_a_value_at_a_node_or_point_are_reported() {
+    let mesh = box_2x1x1();
+    let refused = |conditions: Conditions| match Boundary::new(&mesh, &conditions).unwrap_err() {
+        BoundaryError::NotFiniteAt { place, t, position: [x, ..], .. } => (place, t, x),
+        other => panic!("{other}"),
+    };
+    let (surface, value) = (|name: &str| name.to_owned(), [1.0, 0.0, 0.0]);
+    let at_end = |name: &str| (surface(name), 0.0, 2.0);
+    // t / (x - 2) is 0 / 0 at t = 0.
+    let pulled = Traction { surface: surface("x1"), value, curve: pole(2.0) };
+    assert_eq!(refused(with_load(pulled)), at_end("surface `x1`"));
+    let pressed = Pressure { surface: surface("x1"), value: 1.0, curve: pole(2.0) };
+    assert_eq!(refused(with_load(pressed)), at_end("surface `x1`"));
+    let moved = SurfaceCondition { curve: pole(2.0), ..prescribed_at("x1", [Some(1.0), None, None]) };
+    assert_eq!(refused(on_surfaces(vec![moved])), at_end("surface `x1`"));
+    let force = BodyForce { region: "*".into(), value, curve: LoadCurve::Function(Arc::new(Unreal)) };
+    assert_eq!(refused(with_load(force)).0, "the body force on region `*`");
+    let place = PointLocation::Node(0);
+    let points = vec![PointCondition { place, displacement: [None; 3], curve: LoadCurve::Ramp }];
+    let load = PointLoad { point: 0, place, value, curve: pole(0.0) };
+    let loads: Vec<Arc<dyn LoadCondition>> = vec![Arc::new(load)];
+    assert_eq!(
+        refused(Conditions { points, loads, ..Conditions::default() }),
+        (surface("point condition 1"), 0.0, 0.0)
+    );
+}
+
+#[derive(Debug)]
+struct Unreal;
+
+impl LoadFunction for Unreal {
+    fn factor(&self, _: f64, _: [f64; 3]) -> f64 {
+        f64::NAN
+    }
+}
+
+#[test]
+fn functions_with_the_same_formula_agree_at_shared_nodes() {
+    let mesh = box_2x1x1();
+    let moved =
+        |name: &str, from| SurfaceCondition { curve: pole(from), ..prescribed_at(name, [Some(1.0), None, None]) };
+    assert!(Boundary::new(&mesh, &on_surfaces(vec![moved("x1", 5.0), moved("y1", 5.0)])).is_ok());
+    let other = Boundary::new(&mesh, &on_surfaces(vec![moved("x1", 5.0), moved("y1", 6.0)])).unwrap_err();
+    assert!(matches!(other, BoundaryError::Conflict { .. }), "{other}");
+}
+
+#[test]
+fn components_of_a_point_have_curves_of_their_own() {
+    let mesh = box_2x1x1();
+    let point =
+        PointCondition { place: PointLocation::Node(1), displacement: [Some(2.0), None, None], curve: LoadCurve::Ramp };
+    let own = |point| PointDisplacement { point, component: 2, value: 3.0, curve: pole(-1.0) };
+    let conditions = Conditions { points: vec![point], point_displacements: vec![own(0)], ..Conditions::default() };
+    let boundary = Boundary::new(&mesh, &conditions).unwrap();
+    let mut displacements = vec![[9.0; 3]; mesh.nodes().len()];
+    boundary.apply_prescribed(0.5, &mut displacements, &mut []);
+    let x = mesh.nodes()[1][0];
+    assert_eq!(displacements[1], [1.0, 9.0, 3.0 * (0.5 / (x + 1.0))]);
+    let unknown = Conditions { point_displacements: vec![own(1)], ..conditions };
+    let error = Boundary::new(&mesh, &unknown).unwrap_err();
+    assert_eq!(error, BoundaryError::UnknownPoint { point: 1, known: 1 });
+}

@@ -57,6 +57,17 @@ pub trait Material: Send + Sync {
     /// # Errors
     /// Returns [`MaterialError::Inverted`] if the material is undefined at `f`.
     fn evaluate(&self, f: &Matrix3<f64>) -> Result<Response, MaterialError>;
+
+    /// Returns the name for messages and checkpoints.
+    fn name(&self) -> &str {
+        "custom"
+    }
+
+    /// Returns the numbers that define the material, in SI units. Checkpoints detect a change of them; without them,
+    /// the default, a change of the material remains unnoticed.
+    fn parameters(&self) -> Vec<(&'static str, f64)> {
+        Vec::new()
+    }
 }
 
 /// Returns `J = det F` if it is positive and finite.

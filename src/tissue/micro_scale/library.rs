@@ -8,7 +8,7 @@ use nalgebra::Matrix3;
 use thiserror::Error;
 
 use crate::fem::material::SaintVenantKirchhoff;
-use crate::fem::mesh::Mesh;
+use crate::fem::mesh::{IntegrationPoint, Mesh};
 use crate::fiber::equilibrium::{EquilibriumParams, equilibrate};
 use crate::fiber::law::FiberMaterial;
 use crate::fiber::network::{Network, file};
@@ -17,7 +17,7 @@ use crate::fiber::workspace::Workspace;
 use crate::input::InputErrors;
 use crate::las::{Backend, RealBackend, SolverParams};
 use crate::tissue::materials::{
-    FiberRve, Formula, Materials, NetworkAssignment, Region, RegionMaterial, RveLifecycle, find_region,
+    FiberRve, Formula, Formulas, Materials, NetworkAssignment, Region, RegionMaterial, RveLifecycle, find_region,
 };
 
 /// The reason why the materials of a body cannot be set up.
@@ -32,6 +32,9 @@ pub enum LibraryError {
     /// A region of the mesh has no material.
     #[error("no material for the region {0}")]
     NoMaterial(String),
+    /// A point has no formula: the formulas by point belong to another mesh.
+    #[error("the region {0} has no formula at {1}")]
+    NoFormula(String, IntegrationPoint),
 }
 
 /// The materials of a body, shared by all RVEs. Every rank that solves RVEs has the same library.
@@ -40,8 +43,6 @@ pub struct Library<B: Backend> {
     pub(super) models: Vec<RveModel<B>>,
     /// Every region with the models that its points choose from.
     regions: Vec<(Region, Vec<usize>)>,
-    /// The formula or the matrix of each region; points hold references, because a formula is larger than they are.
-    formulas: Vec<Option<Arc<Formula>>>,
     pub(super) params: EquilibriumParams,
     /// Whether RVEs keep the sensitivities that predict the start of the next solve.
     pub(super) predict: bool,
@@ -50,7 +51,7 @@ pub struct Library<B: Backend> {
 /// The material of an integration point.
 #[derive(Clone, Debug, PartialEq)]
 pub enum PointMaterial {
-    /// A formula, shared by the points of its region.
+    /// A formula, shared by the points with the same parameters.
     Formula(Arc<Formula>),
     /// An RVE: its model and the matrix in parallel.
     Rve {
@@ -80,18 +81,13 @@ impl<B: RealBackend> Library<B> {
         };
         let with_models = |region: Region| reader.models_of(&region.material).map(|models| (region, models));
         let regions = regions.into_iter().map(with_models).collect::<Result<Vec<_>, _>>()?;
-        let formula = |(Region { material, .. }, _): &(Region, Vec<usize>)| match material {
-            RegionMaterial::Formula(formula) => Some(Arc::new(*formula)),
-            RegionMaterial::FiberRve(rve) => rve.matrix.map(Arc::new),
-        };
-        let formulas = regions.iter().map(formula).collect();
         let Reader { models, warnings, .. } = reader;
         let mut params = EquilibriumParams::default();
         params.newton.tolerance = rve.tolerance;
         params.newton.max_iterations = rve.max_iterations;
         params.max_cuts = rve.max_cuts;
         let params = params.with_stages(rve.stages);
-        Ok((Self { context, models, regions, formulas, params, predict: rve.predictor }, warnings))
+        Ok((Self { context, models, regions, params, predict: rve.predictor }, warnings))
     }
 
     /// Returns the models in use: networks, each with its law and scale.
@@ -102,6 +98,16 @@ impl<B: RealBackend> Library<B> {
     /// Returns the models that the points of a region choose from; empty for a formula or a matrix alone.
     pub fn models_of_region(&self, region: usize) -> &[usize] {
         &self.regions[region].1
+    }
+
+    /// Returns the regions with their materials.
+    pub fn regions(&self) -> impl ExactSizeIterator<Item = &Region> {
+        self.regions.iter().map(|(region, _)| region)
+    }
+
+    /// Returns the formulas of a region, or those of the matrix of its RVEs, each once.
+    pub fn formulas_of_region(&self, region: usize) -> &[Arc<Formula>] {
+        self.regions[region].0.material.formula().map_or(&[], Formulas::distinct)
     }
 
     /// Returns the linear response of a model at rest.
@@ -125,17 +131,25 @@ impl<B: RealBackend> Library<B> {
         &self.params
     }
 
-    /// Returns the material of a point of a region.
-    pub fn of_point(&self, region: usize, point: usize) -> PointMaterial {
+    /// Returns the material of a point of a region; `None` if the region has no formula there.
+    pub fn of_point(&self, region: usize, point: usize) -> Option<PointMaterial> {
         let (Region { material, .. }, models) = &self.regions[region];
-        let shared = self.formulas[region].clone();
-        match material {
-            RegionMaterial::Formula(formula) => PointMaterial::Formula(shared.unwrap_or_else(|| Arc::new(*formula))),
+        Some(match material {
+            RegionMaterial::Formula(formulas) => PointMaterial::Formula(Arc::clone(formulas.at(point)?)),
             RegionMaterial::FiberRve(rve) => {
                 let model = (!models.is_empty()).then(|| models[assigned(rve, point, models.len())]);
-                PointMaterial::Rve { model, matrix: shared, lifecycle: rve.lifecycle }
+                let matrix = match &rve.matrix {
+                    Some(formulas) => Some(Arc::clone(formulas.at(point)?)),
+                    None => None,
+                };
+                PointMaterial::Rve { model, matrix, lifecycle: rve.lifecycle }
             }
-        }
+        })
+    }
+
+    /// Returns the error for a point without a formula.
+    pub(super) fn no_formula(&self, region: usize, point: IntegrationPoint) -> LibraryError {
+        LibraryError::NoFormula(self.regions[region].0.name.clone(), point)
     }
 
     /// Returns the region of every element of a mesh.

@@ -70,8 +70,12 @@ impl Sites {
     /// Assigns the materials of a library to the points of a mesh.
     pub(in crate::tissue) fn new<B: RealBackend>(library: &Library<B>, mesh: &Mesh) -> Result<Self, LibraryError> {
         let regions = mesh.points().spread(&library.regions_of_mesh(mesh)?);
-        let site = |(point, region)| Site::new(region, library.of_point(region, point));
-        let sites: Vec<Site> = regions.into_iter().enumerate().map(site).collect();
+        let site = |(point, region)| {
+            let material = library.of_point(region, point);
+            let material = material.ok_or_else(|| library.no_formula(region, mesh.points().locate(point)))?;
+            Ok(Site::new(region, material))
+        };
+        let sites = regions.into_iter().enumerate().map(site).collect::<Result<Vec<Site>, LibraryError>>()?;
         let mut at_rest = vec![None; library.models().len()];
         for rve in sites.iter().filter_map(Site::rve) {
             if let (Some(model), Some(lifecycle)) = (rve.model, &rve.lifecycle)

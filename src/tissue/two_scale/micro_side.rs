@@ -118,7 +118,7 @@ impl<C: Comm, B: RealBackend> MicroSide<'_, C, B> {
         for (&point, new_rve) in delta.units().iter().zip(new_rves) {
             let point = point as usize;
             let material = self.units.library().of_point(new_rve.region as usize, point);
-            if let PointMaterial::Rve { model, matrix, .. } = material {
+            if let PointMaterial::Rve { model, matrix, .. } = material.ok_or(TwoScaleError::Protocol)? {
                 self.units.add((point, new_rve.location()), model, matrix);
             }
         }

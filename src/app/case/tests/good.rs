@@ -28,22 +28,33 @@ fn every_entry_is_read() {
     );
     let law = Law::ExponentialStretch { youngs_modulus: 1.0e8, nonlinearity: 1.2, transition: 1.4 };
     assert_eq!(rve.law, Some(FiberMaterial { law, radius: 5.0e-8, density: None }));
-    assert_eq!(rve.matrix, Some(Formula::NeoHookean(NeoHookean { mu: 100.0, lambda: 150.0 })));
+    assert_eq!(rve.matrix, Some(FormulaCase::Constant(Formula::NeoHookean(NeoHookean { mu: 100.0, lambda: 150.0 }))));
 
     let table = LoadCurve::table(&[[0.0, 0.0], [0.5, 1.0], [1.0, 0.25]]).unwrap();
     let boundary = |surface: &str, line, load, curve| BoundaryCase { surface: surface.into(), line, load, curve };
     assert_eq!(
         case.boundaries,
         [
-            boundary("left", 22, SurfaceLoad::Displacement([Some(0.0); 3]), LoadCurve::Ramp),
-            boundary("right", 25, SurfaceLoad::Traction([4.0e4, 0.0, 0.0]), table),
-            boundary("right", 29, SurfaceLoad::Displacement([None, Some(0.0), None]), LoadCurve::Ramp),
+            boundary(
+                "left",
+                22,
+                SurfaceLoad::Displacement([const { Some(LoadValue::Number(0.0)) }; 3]),
+                LoadCurve::Ramp
+            ),
+            boundary("right", 25, SurfaceLoad::Traction([4.0e4, 0.0, 0.0].map(LoadValue::Number)), table),
+            boundary(
+                "right",
+                29,
+                SurfaceLoad::Displacement([None, Some(LoadValue::Number(0.0)), None]),
+                LoadCurve::Ramp
+            ),
         ]
     );
     assert_eq!(case.points[0].place, PointPlace::At([0.0, 0.0, 0.5]));
-    assert_eq!(case.points[0].displacement, [None, None, Some(-1e-3)]);
+    assert_eq!(case.points[0].displacement, [None, None, Some(LoadValue::Number(-1e-3))]);
     assert_eq!((case.points[1].place, case.points[1].line), (PointPlace::Node(12), 36));
-    assert_eq!((case.body_forces[0].region.as_str(), case.body_forces[0].value), ("gauge", [0.0, 0.0, -9810.0]));
+    let weight = [0.0, 0.0, -9810.0].map(LoadValue::Number);
+    assert_eq!((case.body_forces[0].region.as_str(), &case.body_forces[0].value), ("gauge", &weight));
     assert_eq!(
         case.steps,
         StepsCase {
@@ -200,7 +211,7 @@ fn pattern_characters_in_a_folder_name_are_literal() {
 fn constants(entries: &str) -> (f64, f64) {
     let text = SMALL.replace("shear_modulus = 1.0e5, lame_lambda = 2.0e5", entries);
     match Folder::new().parse(&text).unwrap().case.regions[0].material {
-        RegionMaterial::Formula(Formula::NeoHookean(NeoHookean { mu, lambda })) => (mu, lambda),
+        RegionMaterial::Formula(FormulaCase::Constant(Formula::NeoHookean(NeoHookean { mu, lambda }))) => (mu, lambda),
         ref other => panic!("{other:?}"),
     }
 }

@@ -9,11 +9,34 @@ fn placeless(mut case: Case) -> Case {
     case.file.clear();
     case.mesh_line = 0;
     case.quadratic.iter_mut().for_each(|each| each.line = 0);
-    case.regions.iter_mut().for_each(|each| each.line = 0);
+    for each in &mut case.regions {
+        each.line = 0;
+        let formula = match &mut each.material {
+            RegionMaterial::Formula(formula) => Some(formula),
+            RegionMaterial::FiberRve(rve) => rve.matrix.as_mut(),
+        };
+        if let Some(FormulaCase::Field(field)) = formula {
+            field.line = 0;
+            field.parameters.iter_mut().for_each(|(_, parameter)| forget_line(parameter));
+            for axis in &mut field.axes {
+                match axis {
+                    AxisCase::Constant(_) => {}
+                    AxisCase::Components(components) => components.iter_mut().for_each(forget_line),
+                    AxisCase::Field(field) => field.line = 0,
+                }
+            }
+        }
+    }
     case.boundaries.iter_mut().for_each(|each| each.line = 0);
     case.points.iter_mut().for_each(|each| each.line = 0);
     case.body_forces.iter_mut().for_each(|each| each.line = 0);
     case
+}
+
+fn forget_line(parameter: &mut ParameterCase) {
+    if let ParameterCase::Field(field) = parameter {
+        field.line = 0;
+    }
 }
 
 #[test]
@@ -52,10 +75,16 @@ fn written_case_reads_the_same_from_another_folder() {
         FULL.replace("\"Dogbone in tension\"", r#""a \"b\" \\ \n \u0001 é ' '''""#),
         format!(
             "{SMALL}[body]\nfree = \"rigid\"\n[[boundary]]\nsurface = \"right\"\nsymmetry = true\n[[boundary]]\n\
-             surface = \"sides\"\nrigid = {{ reference = [0.1, 2, 3e-9], rotation = {{ x = 0.3, z = 0 }}, displacement = {{ y = 1e-4 }} }}\n\
+             surface = \"sides\"\nrigid = {{ reference = [0.1, 2, 3e-9], rotation = {{ x = 0.3, z = \"x\" }}, displacement = {{ y = 1e-4 }} }}\n\
              curve = [[0, 0], [1, 2]]\n"
         ),
+        format!("{SMALL}[[boundary]]\nsurface = \"right\"\nrigid = {{ rotation = {{ x = \"pi*t^2\" }} }}\n"),
         format!("{SMALL}[[boundary]]\nsurface = \"right\"\nrigid = {{}}\n"),
+        format!(
+            "{SMALL}[[boundary]]\nsurface = \"a\"\ntraction = [\"1e3*t*z\", 0, \"2*3\"]\n[[boundary]]\nsurface = \"a\"\n\
+             pressure = \"x\"\ncurve = \"t^2\"\n[[point]]\nnode = 1\ndisplacement = {{ x = \"0.1*y\" }}\n\
+             force = [0, \"t\", 0]\n[[body_force]]\nregion = \"*\"\nvalue = [\"-y\", 1, 0]\ncurve = [[0, 0], [1, 2]]\n"
+        ),
         FULL.replace("seed = 7", "seed = 9223372036854775807").replace("every = 5", "every = 0x10"),
     ];
     // Every law with scalar parameters, at the lower bounds that belong to their ranges.
@@ -78,6 +107,10 @@ fn written_case_reads_the_same_from_another_folder() {
         r#"model = "holzapfel-gasser-ogden", shear_modulus = 3e3, k1 = 2e3, k2 = 0.8, bulk_modulus = 1e6, axes = [[0.3, -1e9, 0]]"#,
         r#"model = "holzapfel-gasser-ogden", shear_modulus = 3e3, k1 = 2e3, k2 = 0.8, dispersion = 0.2, bulk_modulus = 1e6, axes = [[1, 2, 0], [1e-300, -2e-300, 0]]"#,
         r#"model = "guccione", c = 2e3, bf = 8, bt = 2, bfs = 4, bulk_modulus = 1e6, axis = [0.1, 0.2, 0.7]"#,
+        r#"model = "neo-hookean", youngs_modulus = "1e3*(1 + x)", poisson_ratio = { cells = "nu" }"#,
+        r#"model = "guccione", c = "2e3", bf = { file = "curve.csv", column = "stretch" }, bt = 2, bfs = 4, bulk_modulus = 1e6, axis = ["-y", "x", 0]"#,
+        r#"model = "transversely-isotropic", youngs_modulus = 1.0e5, poisson_ratio = 0.2, axial_youngs_modulus = 4e5, axial_shear_modulus = 6e4, axis = { cells = "fiber" }"#,
+        r#"model = "holzapfel-gasser-ogden", shear_modulus = 3e3, k1 = 2e3, k2 = 0.8, bulk_modulus = 1e6, axes = [[1, 0, 0], { file = "curve.csv", columns = ["a", "b", "c"] }]"#,
     ];
     let small = "model = \"neo-hookean\", shear_modulus = 1.0e5, lame_lambda = 2.0e5";
     assert!(SMALL.contains(small));

@@ -2,11 +2,14 @@
 
 use std::sync::OnceLock;
 
+use biotissue::app::case::Case;
 use biotissue::app::macro_scale;
+use biotissue::app::material_fields;
 use biotissue::app::run::{RootWriter, Setup, WriterGroup};
 use biotissue::backends::BackendName;
 use biotissue::coupling::{ScaleError, Scales};
 use biotissue::las::Comm;
+use biotissue::tissue::materials::Materials;
 use biotissue::tissue::micro_scale::Library;
 use biotissue::tissue::two_scale::{self, BodySolve, MACRO, MICRO, ScaleField, TwoScaleError};
 
@@ -72,14 +75,23 @@ impl<C: Ranks> Job for MicroRank<'_, C> {
 
     fn run<B: ProgramBackend>(self, _: B::Context) -> Result<Self::Output, Failure> {
         let Self { world, scales, run } = self;
-        let read = Library::<B::Micro>::read((), run.case.materials());
         // The macro scale reads the same files and reports their errors.
-        let read = read.map_err(|error| ranks_failed(&error));
+        let read = materials(&run.case)
+            .and_then(|materials| Library::<B::Micro>::read((), materials).map_err(|error| ranks_failed(&error)));
         if let Ok((library, _)) = agreed(world, read)? {
             two_scale::run_micro(scales, library, run.case.output.rve.clone()).map_err(|error| ranks_failed(&error))?;
         }
         Ok(None)
     }
+}
+
+/// Returns the materials of a case; reads the mesh only if the materials depend on it.
+fn materials(case: &Case) -> Result<Materials, Failure> {
+    if let Some(materials) = case.materials() {
+        return Ok(materials);
+    }
+    let read = macro_scale::mesh(case).and_then(|(mesh, _)| material_fields::resolve(case, &mesh));
+    read.map(|resolved| resolved.materials).map_err(|errors| ranks_failed(&errors))
 }
 
 /// A rank of the macro scale that solves for the body.
@@ -98,8 +110,8 @@ impl<C: Ranks> Job for MacroRank<'_, C> {
         let Self { world, scales, run, body_solve } = self;
         let case = run.case.clone();
         let (file, micro) = (case.file.clone(), case.micro);
-        let setup = Setup::<B, ScaleField<'_, C, B::Micro>>::with_material(context, case, |case, mesh| {
-            ScaleField::new((scales, body_solve), (), case.materials(), mesh)
+        let setup = Setup::<B, ScaleField<'_, C, B::Micro>>::with_material(context, case, |materials, mesh| {
+            ScaleField::new((scales, body_solve), (), materials, mesh)
         });
         let setup = setup.map_err(|error| not_set_up(&file, &micro, error));
         let mut setup = match agreed(world, setup)? {

@@ -1,0 +1,172 @@
+//! Columns of a CSV file: one row per element in their order, or in any order with a column `element`.
+
+use std::path::Path;
+
+use super::ElementValues;
+use crate::input::{InputError, InputErrors, MOST_SHOWN, excerpt, without_byte_order_mark};
+
+/// The column with the numbers of the elements.
+const ELEMENT: &str = "element";
+
+/// Reads `N` columns. Without the column `element`, there is one row for each of `total` elements; with it, one for each
+/// of `elements`, and others are allowed.
+pub(super) fn read<const N: usize>(
+    file: &Path,
+    columns: &[String],
+    total: usize,
+    elements: &[usize],
+) -> Result<ElementValues<N>, InputErrors> {
+    let bytes = std::fs::read(file).map_err(|error| InputError::unreadable(file, &error))?;
+    parse(file, &bytes, columns, (total, elements))
+}
+
+fn parse<const N: usize>(
+    file: &Path,
+    bytes: &[u8],
+    columns: &[String],
+    (total, elements): (usize, &[usize]),
+) -> Result<ElementValues<N>, InputErrors> {
+    let mut reader = csv::ReaderBuilder::new()
+        .has_headers(false)
+        .flexible(true)
+        .comment(Some(b'#'))
+        .trim(csv::Trim::All)
+        .from_reader(without_byte_order_mark(bytes));
+    let mut records = reader.byte_records();
+    let malformed = |error: csv::Error| {
+        let line = error.position().map_or(1, |at| at.line() as usize);
+        InputError::at_line(file, line, error.to_string(), "a row of a CSV file", "correct the line")
+    };
+    let header = records.next().transpose().map_err(malformed)?.unwrap_or_default();
+    let header = Header::find::<N>(file, &header, columns)?;
+    let (mut values, mut lines, mut errors) = (vec![[f64::NAN; N]; total], vec![0; total], Vec::new());
+    let mut rows = 0;
+    for record in records {
+        let record = record.map_err(malformed)?;
+        let line = record.position().map_or(1, |at| at.line() as usize);
+        let row = header.row::<N>(&record, (rows, total), &lines);
+        rows += 1;
+        match row {
+            Ok((element, of_row)) => (values[element], lines[element]) = (of_row, line),
+            Err([problem, expected]) => {
+                errors.push(InputError::at_line(file, line, problem, expected, "correct or remove the line"));
+            }
+        }
+        if errors.len() == MOST_SHOWN {
+            break;
+        }
+    }
+    if errors.is_empty() && header.element.is_none() && rows != total {
+        let problem = format!("the file has {rows} rows of values; the mesh has {total} elements");
+        let cure = "add the missing rows, or a column `element` with the number of each element, from 0";
+        errors.push(InputError::in_file(file, problem, "one row for each element of the mesh", cure));
+    }
+    let missing = elements.iter().filter(|&&element| lines[element] == 0);
+    if let (true, Some(first)) = (errors.is_empty(), missing.clone().next()) {
+        let problem = format!("{} elements have no row, the first of them element {first}", missing.count());
+        let expected = "one row for each element of the region";
+        errors.push(InputError::in_file(file, problem, expected, "add the missing rows"));
+    }
+    if !errors.is_empty() {
+        return Err(InputErrors(errors));
+    }
+    let names: Vec<String> = columns.iter().map(|column| format!("`{}`", excerpt(column))).collect();
+    Ok(ElementValues { file: file.into(), name: names.join(", "), values, lines })
+}
+
+/// The positions of the columns.
+struct Header {
+    element: Option<usize>,
+    columns: Vec<usize>,
+}
+
+impl Header {
+    fn find<const N: usize>(file: &Path, names: &csv::ByteRecord, columns: &[String]) -> Result<Self, InputErrors> {
+        let line = names.position().map_or(1, |at| at.line() as usize);
+        let place = |name: &str| names.iter().position(|cell| cell == name.as_bytes());
+        let listed: Vec<String> =
+            names.iter().map(|cell| format!("\"{}\"", excerpt(&String::from_utf8_lossy(cell)))).collect();
+        let missing = |column: &String| {
+            let expected = format!("names of columns in the first line, which has {}", listed.join(", "));
+            let problem = format!("there is no column \"{}\"", excerpt(column));
+            InputError::at_line(file, line, problem, expected, "correct the name, or add the column")
+        };
+        let found: Vec<Result<usize, InputError>> =
+            columns.iter().map(|column| place(column).ok_or_else(|| missing(column))).collect();
+        let errors: Vec<InputError> = found.iter().filter_map(|column| column.as_ref().err().cloned()).collect();
+        if !errors.is_empty() {
+            return Err(InputErrors(errors));
+        }
+        Ok(Self { element: place(ELEMENT), columns: found.into_iter().flatten().collect() })
+    }
+
+    /// Returns the element of a row and its values, or what is wrong and what is expected.
+    fn row<const N: usize>(
+        &self,
+        record: &csv::ByteRecord,
+        (number, total): (usize, usize),
+        lines: &[usize],
+    ) -> Result<(usize, [f64; N]), [String; 2]> {
+        let cell = |column: usize| record.get(column).map(String::from_utf8_lossy);
+        let shown = |column: usize| cell(column).map_or("nothing".into(), |cell| format!("`{}`", excerpt(&cell)));
+        let element = match self.element {
+            Some(column) => cell(column).and_then(|cell| cell.parse().ok()).ok_or_else(|| {
+                [format!("the element is {}", shown(column)), "the number of an element, from 0".to_owned()]
+            })?,
+            None => number,
+        };
+        let line = lines.get(element).ok_or_else(|| {
+            let last = total.saturating_sub(1);
+            [format!("there is no element {element}"), format!("elements from 0 to {last}")]
+        })?;
+        if *line > 0 {
+            let problem = format!("element {element} has a row at line {line} already");
+            return Err([problem, "one row for each element".into()]);
+        }
+        let mut values = [f64::NAN; N];
+        for (value, &column) in values.iter_mut().zip(&self.columns) {
+            *value = cell(column)
+                .and_then(|cell| cell.parse().ok())
+                .ok_or_else(|| [format!("{} is not a number", shown(column)), "a number in each column".to_owned()])?;
+        }
+        Ok((element, values))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn values(text: &str, columns: &[&str]) -> Result<Vec<[f64; 1]>, String> {
+        let columns: Vec<String> = columns.iter().map(|column| (*column).to_owned()).collect();
+        let parsed = parse::<1>(Path::new("f.csv"), text.as_bytes(), &columns, (3, &[0, 2]));
+        parsed.map(|read| read.values).map_err(|errors| errors.to_string())
+    }
+
+    #[test]
+    fn rows_belong_to_elements() {
+        let expected = [[1.0], [2.0], [3.0]];
+        assert_eq!(values("# moduli\nE,nu\n1,0\n2,0\n3,0\n", &["E"]).unwrap(), expected);
+        assert_eq!(values("nu, element, E\n0,2,3\n0,0,1\n0,1,2\n", &["E"]).unwrap(), expected);
+        let partial = values("element,E\n2,3\n0,1\n", &["E"]).unwrap();
+        assert_eq!((partial[0], partial[2], partial[1][0].is_nan()), ([1.0], [3.0], true));
+    }
+
+    #[test]
+    fn rows_that_do_not_fit_are_reported() {
+        for (text, expected) in [
+            ("E\n1\n2\n", "f.csv: the file has 2 rows of values; the mesh has 3 elements"),
+            ("E\n1\n2\n3\n4\n", "f.csv:5: there is no element 3"),
+            ("E\n1\n2 Pa\n3\n", "f.csv:3: `2 Pa` is not a number"),
+            ("E,F\n1,1\n2,2\n\"\",3\n", "f.csv:4: `` is not a number"),
+            ("F\n1\n2\n3\n", "f.csv:1: there is no column \"E\""),
+            ("element,E\n0,1\n", "f.csv: 1 elements have no row, the first of them element 2"),
+            ("element,E\n0,1\n2,1\n0,2\n", "f.csv:4: element 0 has a row at line 2 already"),
+            ("element,E\n-1,1\n", "f.csv:2: the element is `-1`"),
+            ("", "f.csv:1: there is no column \"E\""),
+        ] {
+            let found = values(text, &["E"]).unwrap_err();
+            assert_eq!(found.lines().next().unwrap(), expected, "{text}");
+        }
+    }
+}
