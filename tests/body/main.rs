@@ -30,3 +30,5 @@ mod state_dependent_loads;
 mod stiffness;
 #[cfg(feature = "sparse")]
 mod thick_walls;
+#[cfg(feature = "sparse")]
+mod tube;
