@@ -579,7 +579,7 @@ fn stretched_body(context: &Context) {
     let conditions = Conditions {
         surfaces: vec![side("left", 0.0), side("right", 0.5)],
         points: vec![point(6, [Some(0.0); 3]), point(5, [None, None, Some(0.0)])],
-        loads: vec![],
+        ..Conditions::default()
     };
     let mut s: f64 = 1.0;
     for _ in 0..50 {

@@ -186,7 +186,7 @@ pub fn conditions(case: &Case) -> Conditions {
     for BodyForceCase { region, value, curve, .. } in &case.body_forces {
         loads.push(Arc::new(BodyForce { region: region.clone(), value: *value, curve: curve.clone() }));
     }
-    Conditions { surfaces, points, loads }
+    Conditions { surfaces, points, loads, constraints: Vec::new() }
 }
 
 /// Returns the parameters of load stepping of a case.

@@ -37,7 +37,7 @@ fn conditions() -> Conditions {
     Conditions {
         surfaces: vec![surface("left", 0.0), surface("right", 0.5)],
         points: vec![point(6, [Some(0.0); 3]), point(5, [None, None, Some(0.0)])],
-        loads: vec![],
+        ..Conditions::default()
     }
 }
 

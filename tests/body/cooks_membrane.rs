@@ -41,6 +41,7 @@ fn deflect(mesh: Mesh, material: impl Material + 'static, traction: f64, plane_s
         surfaces: vec![held("x0", [Some(0.0); 3])],
         points: plane.collect(),
         loads: vec![Arc::new(traction)],
+        ..Conditions::default()
     };
     let (corner, distance) = mesh.nearest_node([48.0, 60.0, 0.0]);
     assert!(distance < 1e-12);

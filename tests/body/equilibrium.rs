@@ -61,6 +61,7 @@ fn forces_on_surfaces_with_shared_edges_sum_to_zero() {
             displacement: [Some(0.1), None, None],
             curve: LoadCurve::Ramp,
         }],
+        ..Conditions::default()
     };
     let forces = run(&mesh, &conditions).forces();
     let size = named(&forces, "x0").force[0].abs();

@@ -17,7 +17,7 @@ use crate::output;
 
 const MAGIC: &[u8; 8] = b"BIOTISSU";
 /// The version of the format, incremented whenever the content changes.
-const VERSION: u32 = 5;
+const VERSION: u32 = 6;
 const HEAD: usize = MAGIC.len() + size_of::<u32>();
 const TAIL: usize = size_of::<u64>();
 

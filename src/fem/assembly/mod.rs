@@ -51,6 +51,7 @@ mod f_bar;
 mod geometry;
 pub mod local;
 mod unknowns;
+mod volume;
 
 use std::borrow::Cow;
 
@@ -58,12 +59,14 @@ use nalgebra::{Matrix3, SMatrix};
 
 pub use geometry::{Geometry, GeometryError, geometry};
 pub use unknowns::Unknowns;
+pub use volume::volume_tangent;
 
 use super::boundary::Load;
 use super::point_field::PointResponses;
 use crate::las::{Backend, Index, MatrixOps, RealBackend, VectorOps};
 use f_bar::{PatchTangents, tangents};
 use geometry::{Block, with_block};
+use volume::CavityFace;
 
 /// Geometry and matrix positions of all elements, computed once; integrates and scatters at every state.
 ///
@@ -81,6 +84,8 @@ pub struct Assembler<B: Backend> {
     load_groups: Vec<LoadGroup<B>>,
     /// The patches with rows on this rank, and their positions in the matrix.
     local_patches: Vec<(usize, Vec<B::Slot>)>,
+    /// The faces of constrained cavities with rows on this rank.
+    cavity_faces: Vec<CavityFace<B::Slot>>,
 }
 
 /// The elements of a block with rows on this rank.
@@ -119,8 +124,14 @@ impl<B: RealBackend> Assembler<B> {
             local.has_patches = in_patches.into_iter().any(|element| elements.contains(element));
             first = elements.end;
         }
-        let mut assembler =
-            Self { geometry, local_blocks, equation_numbers, load_groups: Vec::new(), local_patches: Vec::new() };
+        let mut assembler = Self {
+            geometry,
+            local_blocks,
+            equation_numbers,
+            load_groups: Vec::new(),
+            local_patches: Vec::new(),
+            cavity_faces: Vec::new(),
+        };
         for (number, patch) in assembler.geometry.patches.iter().enumerate() {
             if let Some(positions) = assembler.locate_nodes(&patch.nodes, matrix)? {
                 assembler.local_patches.push((number, positions));

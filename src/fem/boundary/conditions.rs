@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use super::{LoadCondition, LoadCurve};
+use crate::fem::constraint::VolumeConstraint;
 
 /// All boundary conditions of a body.
 ///
@@ -26,6 +27,8 @@ pub struct Conditions {
     /// [`Pressure`](super::Pressure), [`Foundation`](super::Foundation), [`PointLoad`](super::PointLoad),
     /// [`BodyForce`](super::BodyForce), or any other implementation of [`LoadCondition`].
     pub loads: Vec<Arc<dyn LoadCondition>>,
+    /// Volumes of regions and cavities that are held or driven.
+    pub constraints: Vec<VolumeConstraint>,
 }
 
 /// A prescribed displacement of a surface. The surface may also carry loads, for example a traction along y while its

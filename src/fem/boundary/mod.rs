@@ -28,6 +28,7 @@ pub use load::{CoupledNodes, Load, LoadCondition, Support};
 pub use point_load::PointLoad;
 pub use prescribed::{PrescribedComponent, Source};
 pub use pressure::Pressure;
+pub(in crate::fem) use pressure::{add_pressure_stiffness, unmatched_edges};
 
 use super::mesh::{Mesh, Surface};
 use crate::las::Symmetry;
