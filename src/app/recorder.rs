@@ -10,9 +10,9 @@ use super::results::log::{
     Balance, Cut, Event, Factorizations, LogWriter, NewtonLog, NewtonSeconds, RankTimes, Ranks, RveLog, Step,
 };
 use super::results::{
-    self, CASE_FILE, Collection, FIELDS_FILE, FieldFile, FieldSet, LOADS_FILE, LOG_FILE, LoadsWriter, POINTS_FILE,
-    ResultsError, ResultsRecord, RunProgress, SurfaceRow, failed_rve_file, write_pieces, write_point_pieces,
-    write_points, write_vtu,
+    self, CASE_FILE, Collection, FIELDS_FILE, FieldFile, FieldSet, LOADS_FILE, LOG_FILE, LoadColumns, LoadRow,
+    LoadsWriter, POINTS_FILE, ResultsError, ResultsRecord, RunProgress, SurfaceRow, failed_rve_file, write_pieces,
+    write_point_pieces, write_points, write_vtu,
 };
 use super::rve_files::NetworkFiles;
 use crate::app::stress::CauchyStress;
@@ -95,20 +95,24 @@ impl<'a> Recorder<'a> {
         results::clear_unfinished(dir)?;
         results::replace(&dir.join(CASE_FILE), results::case_copy(case).as_bytes())?;
         let surfaces: Vec<&str> = mesh.surface_names().collect();
-        let regions: Vec<&str> = mesh.regions().iter().map(String::as_str).collect();
+        let mut regions: Vec<&str> = mesh.regions().iter().map(String::as_str).collect();
+        let constraints: Vec<&str> = case.constraints.iter().map(|each| each.constraint.name.as_str()).collect();
+        regions.extend(constraints.iter().filter(|&&name| mesh.region(name).is_none()));
         let points: Vec<String> = (0..case.points.len()).map(|k| format!("point{k}")).collect();
         let points: Vec<&str> = points.iter().map(String::as_str).collect();
+        let columns =
+            LoadColumns { surfaces: &surfaces, points: &points, regions: &regions, constraints: &constraints };
         let (loads_file, log_file) = (dir.join(LOADS_FILE), dir.join(LOG_FILE));
         let (loads, log, fields) = match resumed {
             None => (
-                LoadsWriter::create(&loads_file, &surfaces, &points, &regions)?,
+                LoadsWriter::create(&loads_file, columns)?,
                 LogWriter::create(&log_file)?,
                 Collection::new(dir.join(FIELDS_FILE)),
             ),
             Some(ResumePoint { progress, written }) => {
                 let known: Vec<Entry> = written.fields.iter().map(FieldFile::entry).collect();
                 (
-                    LoadsWriter::resume(&loads_file, &surfaces, &points, &regions, progress.steps)?,
+                    LoadsWriter::resume(&loads_file, columns, progress.steps)?,
                     LogWriter::resume(&log_file)?,
                     Collection::resume(dir.join(FIELDS_FILE), progress.t(), &known)?,
                 )
@@ -167,8 +171,12 @@ impl<'a> Recorder<'a> {
             .map(|s| SurfaceRow { area: s.area, force: s.force, displacement: s.displacement })
             .collect();
         let points: Vec<[f64; 3]> = step.forces.points.iter().map(|point| point.force).collect();
-        let volumes = step.mesh.deformed_region_volumes(&step.state.displacements);
-        self.loads.row(step.step, step.t, &surfaces, &points, &volumes)
+        let mut volumes = step.mesh.deformed_region_volumes(&step.state.displacements);
+        let constrained = step.constraints.iter().zip(&step.state.volumes);
+        let others = constrained.filter(|(constraint, _)| step.mesh.region(constraint.name()).is_none());
+        volumes.extend(others.map(|(_, state)| state.volume));
+        let pressures = step.state.volumes.iter().map(|state| state.pressure).collect();
+        self.loads.row(&LoadRow { step: step.step, t: step.t, surfaces, points, volumes, pressures })
     }
 
     /// Writes the fields and the networks of a state: that of a full step, or of a substep after it.
@@ -300,6 +308,7 @@ impl Recorder<'_> {
             increments: step.report.increments,
             cuts: step.report.cuts as u32,
             rounds: step.report.evolutions,
+            augmentations: step.report.augmentations,
             newton: newton_log(&step.report.solves, step.report.seconds(), total),
             rve: (step.field.sites().rves() > 0).then(|| rve_log(&stats, step.field)),
             balance: balance(&step.forces),

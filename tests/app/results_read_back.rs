@@ -8,8 +8,8 @@ use biotissue::app::results::collection::{field_file, index_file};
 use biotissue::app::results::log::{self, Cut, End, NewtonLog, RveLog, Start, Step};
 use biotissue::app::results::networks::{NetworkPoint, network_file};
 use biotissue::app::results::{
-    Collection, Event, FIELDS_FILE, FieldSet, Fields, Loads, LoadsWriter, LogWriter, NetworkSet, Networks,
-    ResultsError, SurfaceRow, read_vtp, read_vtu, write_pieces, write_vtp, write_vtu,
+    Collection, Event, FIELDS_FILE, FieldSet, Fields, LoadColumns, LoadRow, Loads, LoadsWriter, LogWriter, NetworkSet,
+    Networks, ResultsError, SurfaceRow, read_vtp, read_vtu, write_pieces, write_vtp, write_vtu,
 };
 
 use crate::skip::skip;
@@ -332,10 +332,18 @@ fn the_collection_is_complete_after_every_step() {
     assert_eq!((&restored, &Collection::read(pvd.clone()).unwrap()), (&resumed, &resumed));
 }
 
-fn loads_row(k: usize) -> ([SurfaceRow; 2], [[f64; 3]; 1], [f64; 1]) {
+/// The row of step `k + 1` in a table of two surfaces, a point, a region and a constraint.
+fn loads_row(k: usize, t: f64) -> LoadRow {
     let x = 0.1 * (k as f64 + 1.0);
     let surface = SurfaceRow { area: x, force: [x.exp(), -x, 1e-300], displacement: [x / 3.0, 0.0, -0.0] };
-    ([surface, SurfaceRow::default()], [[x.sin(), 0.0, 1.0]], [x.sqrt()])
+    LoadRow {
+        step: k + 1,
+        t,
+        surfaces: vec![surface, SurfaceRow::default()],
+        points: vec![[x.sin(), 0.0, 1.0]],
+        volumes: vec![x.sqrt()],
+        pressures: vec![-x.cbrt()],
+    }
 }
 
 #[test]
@@ -343,18 +351,25 @@ fn loads_with_unusual_names_are_read_back_exactly() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("loads.csv");
     let surfaces = ["left, \"lower\"", "top.area"];
-    let mut writer = LoadsWriter::create(&path, &surfaces, &["point0"], &["all.fx"]).unwrap();
+    let columns = LoadColumns {
+        surfaces: &surfaces,
+        points: &["point0"],
+        regions: &["all.fx"],
+        constraints: &["all.volume, inside"],
+    };
+    let mut writer = LoadsWriter::create(&path, columns).unwrap();
     for k in 0..3 {
-        let (surfaces, points, volumes) = loads_row(k);
-        writer.row(k + 1, k as f64 / 3.0, &surfaces, &points, &volumes).unwrap();
+        let written = loads_row(k, k as f64 / 3.0);
+        writer.row(&written).unwrap();
         let read = Loads::read(&path).unwrap();
         assert_eq!((read.rows.len(), &read.surfaces, &read.points), (k + 1, &surfaces_of(), &vec!["point0".into()]));
-        let row = &read.rows[k];
-        assert_eq!((row.step, row.t), (k + 1, k as f64 / 3.0));
-        assert_eq!((&row.surfaces[..], &row.points[..], &row.volumes[..]), (&surfaces[..], &points[..], &volumes[..]));
+        assert_eq!((&read.rows[k], &read.constraints), (&written, &vec!["all.volume, inside".to_owned()]));
     }
-    let wrong = writer.row(4, 1.0, &[SurfaceRow::default()], &[], &[]).unwrap_err();
-    assert!(matches!(wrong, ResultsError::Length { found: 1, expected: 2, .. }));
+    let mut wrong = loads_row(3, 1.0);
+    wrong.pressures.push(0.0);
+    assert!(matches!(writer.row(&wrong).unwrap_err(), ResultsError::Length { found: 2, expected: 1, .. }));
+    wrong.surfaces.pop();
+    assert!(matches!(writer.row(&wrong).unwrap_err(), ResultsError::Length { found: 1, expected: 2, .. }));
 
     fn surfaces_of() -> Vec<String> {
         vec!["left, \"lower\"".into(), "top.area".into()]
@@ -365,9 +380,14 @@ fn loads_with_unusual_names_are_read_back_exactly() {
 fn the_header_of_the_loads_is_unchanged() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("loads.csv");
-    LoadsWriter::create(&path, &["x0"], &["point0"], &["body"]).unwrap();
+    let columns =
+        LoadColumns { surfaces: &["x0"], points: &["point0"], regions: &["body", "lumen"], constraints: &["lumen"] };
+    LoadsWriter::create(&path, LoadColumns { regions: &["body"], constraints: &[], ..columns }).unwrap();
     let header = "step,t,x0.area,x0.fx,x0.fy,x0.fz,x0.ux,x0.uy,x0.uz,point0.fx,point0.fy,point0.fz,body.volume\n";
     assert_eq!(std::fs::read_to_string(&path).unwrap(), header);
+    LoadsWriter::create(&path, columns).unwrap();
+    let with_constraint = format!("{},lumen.volume,lumen.pressure\n", header.trim_end());
+    assert_eq!(std::fs::read_to_string(&path).unwrap(), with_constraint);
     std::fs::write(&path, header.replace("x0.fz", "x0.fx")).unwrap();
     assert!(Loads::read(&path).unwrap_err().to_string().contains("loads.csv:1"));
 }
@@ -376,22 +396,21 @@ fn the_header_of_the_loads_is_unchanged() {
 fn interrupted_loads_are_read_and_resumed() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("loads.csv");
-    let names = (["a", "b"], ["point0"], ["body"]);
-    let mut writer = LoadsWriter::create(&path, &names.0, &names.1, &names.2).unwrap();
+    let names = LoadColumns { surfaces: &["a", "b"], points: &["point0"], regions: &["body"], constraints: &["body"] };
+    let mut writer = LoadsWriter::create(&path, names).unwrap();
     for k in 0..3 {
-        let (surfaces, points, volumes) = loads_row(k);
-        writer.row(k + 1, (k + 1) as f64 / 4.0, &surfaces, &points, &volumes).unwrap();
+        writer.row(&loads_row(k, (k + 1) as f64 / 4.0)).unwrap();
     }
     let whole = std::fs::read_to_string(&path).unwrap();
     std::fs::write(&path, &whole[..whole.len() - 3]).unwrap();
     assert_eq!(Loads::read(&path).unwrap().rows.len(), 2, "the last number lacks digits: its row must be ignored");
 
-    let mut writer = LoadsWriter::resume(&path, &names.0, &names.1, &names.2, 1).unwrap();
-    let (surfaces, points, volumes) = loads_row(7);
-    writer.row(2, 0.5, &surfaces, &points, &volumes).unwrap();
+    let mut writer = LoadsWriter::resume(&path, names, 1).unwrap();
+    writer.row(&LoadRow { step: 2, ..loads_row(7, 0.5) }).unwrap();
     let steps: Vec<_> = Loads::read(&path).unwrap().rows.iter().map(|row| (row.step, row.t)).collect();
     assert_eq!(steps, [(1, 0.25), (2, 0.5)]);
-    assert!(LoadsWriter::resume(&path, &["a"], &names.1, &names.2, 1).is_err());
+    assert!(LoadsWriter::resume(&path, LoadColumns { surfaces: &["a"], ..names }, 1).is_err());
+    assert!(LoadsWriter::resume(&path, LoadColumns { constraints: &[], ..names }, 1).is_err());
 }
 
 /// Rows after the last resumed step are dropped whatever they contain; up to there every row must be present once, in
@@ -400,17 +419,16 @@ fn interrupted_loads_are_read_and_resumed() {
 fn loads_of_other_steps_are_not_resumed() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("loads.csv");
-    let names = (["a", "b"], ["point0"], ["body"]);
-    let mut writer = LoadsWriter::create(&path, &names.0, &names.1, &names.2).unwrap();
+    let names = LoadColumns { surfaces: &["a", "b"], points: &["point0"], regions: &["body"], constraints: &["body"] };
+    let mut writer = LoadsWriter::create(&path, names).unwrap();
     for k in 0..3 {
-        let (surfaces, points, volumes) = loads_row(k);
-        writer.row(k + 1, (k + 1) as f64 / 4.0, &surfaces, &points, &volumes).unwrap();
+        writer.row(&loads_row(k, (k + 1) as f64 / 4.0)).unwrap();
     }
     let whole = std::fs::read_to_string(&path).unwrap();
     let lines: Vec<&str> = whole.lines().collect();
     let resume = |lines: &[&str], done: usize| {
         std::fs::write(&path, lines.iter().map(|line| format!("{line}\n")).collect::<String>()).unwrap();
-        LoadsWriter::resume(&path, &names.0, &names.1, &names.2, done).map(|writer| writer.marks().len())
+        LoadsWriter::resume(&path, names, done).map(|writer| writer.marks().len())
     };
     let [header, one, two, three] = lines[..] else { panic!("{lines:?}") };
     assert_eq!(resume(&lines, 3).unwrap(), 4);
@@ -428,7 +446,7 @@ fn loads_of_other_steps_are_not_resumed() {
         assert!(error.contains(message), "{error}");
     }
     std::fs::remove_file(&path).unwrap();
-    let error = LoadsWriter::resume(&path, &names.0, &names.1, &names.2, 2).unwrap_err().to_string();
+    let error = LoadsWriter::resume(&path, names, 2).unwrap_err().to_string();
     assert!(error.contains("loads.csv: is missing"), "{error}");
 }
 

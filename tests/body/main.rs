@@ -19,3 +19,5 @@ mod gmsh;
 mod pressure;
 #[cfg(feature = "sparse")]
 mod state_dependent_loads;
+#[cfg(feature = "sparse")]
+mod volume_constraints;

@@ -7,7 +7,8 @@ use std::path::Path;
 use biotissue::app::results::collection::field_file;
 use biotissue::app::results::log::{Cut, End, Factorizations, NewtonLog, NewtonSeconds, RveLog, Start, Step};
 use biotissue::app::results::{
-    Collection, Event, FIELDS_FILE, FieldSet, LOADS_FILE, LOG_FILE, LoadsWriter, LogWriter, SurfaceRow, write_vtu,
+    Collection, Event, FIELDS_FILE, FieldSet, LOADS_FILE, LOG_FILE, LoadColumns, LoadRow, LoadsWriter, LogWriter,
+    SurfaceRow, write_vtu,
 };
 
 /// Length of the bar, m.
@@ -93,16 +94,23 @@ pub fn write(dir: &Path, cells: [usize; 3]) {
         resumed_from: 0,
     }))
     .unwrap();
-    let mut loads =
-        LoadsWriter::create(&dir.join(LOADS_FILE), &["left", "right", "sides"], &[], &["grip", "gauge"]).unwrap();
+    let columns = LoadColumns {
+        surfaces: &["left", "right", "sides"],
+        regions: &["grip", "gauge", "lumen"],
+        constraints: &["lumen"],
+        ..LoadColumns::default()
+    };
+    let mut loads = LoadsWriter::create(&dir.join(LOADS_FILE), columns).unwrap();
     let mut collection = Collection::new(dir.join(FIELDS_FILE));
     for step in 1..=STEPS {
         let t = step as f64 / STEPS as f64;
         fields(dir, &bar, &mut collection, step, t);
         let (u, f) = (0.25 * t * LENGTH, 0.8 * (2.0 * t).exp_m1());
         let surface = |f: f64, u: f64| SurfaceRow { area: 4.2e-5, force: [f, 1e-9, 0.0], displacement: [u, 0.0, 0.0] };
-        let surfaces = [surface(-f, 0.0), surface(f, u), surface(1e-12, 0.4 * u)];
-        loads.row(step, t, &surfaces, &[], &[1.2e-6, 9.0e-7 * (1.0 - 0.1 * t)]).unwrap();
+        let surfaces = vec![surface(-f, 0.0), surface(f, u), surface(1e-12, 0.4 * u)];
+        let volumes = vec![1.2e-6, 9.0e-7 * (1.0 - 0.1 * t), 3.0e-8];
+        let row = LoadRow { step, t, surfaces, volumes, pressures: vec![120.0 * t], ..LoadRow::default() };
+        loads.row(&row).unwrap();
         if step == 7 {
             let reason = "element 17: det F = -0.2 <= 0".into();
             log.write(&Event::Cut(Cut { step, t, reason, lost_rve: None, newton: newton(step) })).unwrap();
@@ -125,6 +133,7 @@ pub fn write(dir: &Path, cells: [usize; 3]) {
             increments: 1 + cuts as usize,
             cuts,
             rounds: 0,
+            augmentations: 0,
             newton: newton(step),
             rve,
             balance: Default::default(),

@@ -2,8 +2,11 @@
 #![cfg(feature = "app")]
 
 mod arguments;
+mod constraints;
 mod elements;
 mod files;
+#[path = "../support/hollow_box.rs"]
+mod hollow_box;
 mod loads;
 mod messages;
 mod outputs;

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use crate::fem::boundary::LoadCurve;
+use crate::fem::constraint::VolumeConstraint;
 use crate::fem::element::ElementType;
 use crate::fem::mesh::QuadraticHexahedron;
 use crate::fem::stepping::{AdaptiveIncrements, StepStart};
@@ -32,6 +33,8 @@ pub struct Case {
     pub points: Vec<PointCase>,
     /// Body forces.
     pub body_forces: Vec<BodyForceCase>,
+    /// Volume constraints.
+    pub constraints: Vec<ConstraintCase>,
     /// The load steps.
     pub steps: StepsCase,
     /// Newton's method at the macro scale.
@@ -157,6 +160,15 @@ pub struct BodyForceCase {
     pub value: [f64; 3],
     /// The load curve over pseudo-time.
     pub curve: LoadCurve,
+}
+
+/// A volume constraint.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ConstraintCase {
+    /// Line of the case file.
+    pub line: usize,
+    /// The constraint.
+    pub constraint: VolumeConstraint,
 }
 
 /// The load steps; by default 10 steps, each one increment unless it fails, and at most 6 cuts.

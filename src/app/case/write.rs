@@ -7,6 +7,7 @@ use std::fmt::Debug;
 use std::path::Path;
 
 use crate::fem::boundary::LoadCurve;
+use crate::fem::constraint::{ConstrainedVolume, ConstraintMethod, VolumeConstraint};
 use crate::fem::element::ElementType;
 use crate::fem::mesh::QuadraticHexahedron;
 use crate::fem::stepping::StepStart;
@@ -17,7 +18,7 @@ use crate::tissue::materials::{
     BeforeCreation, ElementSelection, FiberRve, NetworkAssignment, RegionMaterial, RveLifecycle,
 };
 
-use super::data::{Case, MeshSource, PointPlace, SurfaceLoad};
+use super::data::{Case, ConstraintCase, MeshSource, PointPlace, SurfaceLoad};
 use super::formula;
 use super::load::AXES;
 use super::solver;
@@ -73,6 +74,9 @@ impl Case {
         for force in &self.body_forces {
             let entries = [text("region", &force.region), entry("value", force.value), curve(&force.curve)];
             section(&mut out, "[[body_force]]", entries);
+        }
+        for ConstraintCase { constraint, .. } in &self.constraints {
+            section(&mut out, "[[constraint]]", constraint_entries(constraint));
         }
         let adaptive = steps.adaptive.map_or(entry("adaptive", false), |adaptive| {
             let entries = vec![
@@ -236,6 +240,31 @@ fn law(FiberMaterial { law, radius, .. }: &FiberMaterial) -> Vec<Entry<'static>>
 fn displacement(components: &[Option<f64>; 3]) -> Entry<'static> {
     let named = AXES.into_iter().zip(components);
     table("displacement", named.filter_map(|(axis, component)| component.map(|value| entry(axis, value))))
+}
+
+fn constraint_entries(constraint: &VolumeConstraint) -> Vec<Entry<'_>> {
+    let mut entries = vec![
+        match &constraint.of {
+            ConstrainedVolume::Region(region) => text("region", region),
+            ConstrainedVolume::Cavity(surfaces) => {
+                let surfaces: Vec<String> = surfaces.iter().map(|surface| quoted(surface)).collect();
+                ("cavity", format!("[{}]", surfaces.join(", ")))
+            }
+        },
+        text("name", &constraint.name),
+        match &constraint.curve {
+            Some(LoadCurve::Table(table)) => entry("volume", table.points()),
+            // A case file has no other curves.
+            _ => entry("volume", "constant"),
+        },
+    ];
+    match constraint.method {
+        ConstraintMethod::Multiplier => entries.push(entry("method", "multiplier")),
+        ConstraintMethod::Penalty { factor } => {
+            entries.extend([entry("method", "penalty"), entry("penalty", factor)]);
+        }
+    }
+    entries
 }
 
 fn curve(curve: &LoadCurve) -> Entry<'static> {

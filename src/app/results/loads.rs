@@ -2,8 +2,9 @@
 //!
 //! Columns: `step,t`, then for every surface `NAME.area` (current, m^2), `NAME.fx`, `.fy`, `.fz` (the force exerted on
 //! the body through it, N), `NAME.ux`, `.uy`, `.uz` (mean displacement, m), then for every point with a prescribed
-//! displacement `NAME.fx`, `.fy`, `.fz` (N), then for every region `NAME.volume` (current, m^3). Numbers have 17
-//! significant digits, so that reading them is exact.
+//! displacement `NAME.fx`, `.fy`, `.fz` (N), then for every region, and for every constrained volume that is not a region,
+//! `NAME.volume` (current, m^3), then for every volume constraint `NAME.pressure` (Pa). Numbers have 17 significant digits,
+//! so that reading them is exact.
 
 use std::fs::{File, OpenOptions};
 use std::io::Write;
@@ -40,8 +41,10 @@ pub struct LoadRow {
     pub surfaces: Vec<SurfaceRow>,
     /// The force on the body at every point condition (reaction force plus applied force), N.
     pub points: Vec<[f64; 3]>,
-    /// The current volume of every region, m^3.
+    /// The current volume of every region and of every other constrained volume, m^3.
     pub volumes: Vec<f64>,
+    /// The pressure of every volume constraint, Pa.
+    pub pressures: Vec<f64>,
 }
 
 /// The whole table, as read from a file.
@@ -51,10 +54,31 @@ pub struct Loads {
     pub surfaces: Vec<String>,
     /// Names of the point conditions.
     pub points: Vec<String>,
-    /// Names of the regions.
+    /// Names of the regions and of the other constrained volumes.
     pub regions: Vec<String>,
+    /// Names of the volume constraints.
+    pub constraints: Vec<String>,
     /// The rows, in the order of the file.
     pub rows: Vec<LoadRow>,
+}
+
+/// The names in the header of the table.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct LoadColumns<'a> {
+    /// The surfaces.
+    pub surfaces: &'a [&'a str],
+    /// The point conditions. They have no names of their own: call them `point0`, `point1`, ...
+    pub points: &'a [&'a str],
+    /// The regions, and the other constrained volumes.
+    pub regions: &'a [&'a str],
+    /// The volume constraints.
+    pub constraints: &'a [&'a str],
+}
+
+impl LoadColumns<'_> {
+    fn counts(&self) -> [usize; 4] {
+        [self.surfaces, self.points, self.regions, self.constraints].map(<[&str]>::len)
+    }
 }
 
 /// Length and hash of a line of the table as written (the header or a row).
@@ -75,21 +99,20 @@ impl LineChecksum {
 pub struct LoadsWriter {
     path: PathBuf,
     file: File,
-    counts: [usize; 3],
+    counts: [usize; 4],
     /// The checksum of the header, then of every row.
     marks: Vec<LineChecksum>,
 }
 
 impl LoadsWriter {
-    /// Creates a new table and replaces an existing one. Point conditions have no names of their
-    /// own: call them `point0`, `point1`, ...
+    /// Creates a new table and replaces an existing one.
     ///
     /// # Errors
     /// Returns [`ResultsError::Write`] if the file cannot be written.
-    pub fn create(path: &Path, surfaces: &[&str], points: &[&str], regions: &[&str]) -> Result<Self, ResultsError> {
-        let header = line(path, header(surfaces, points, regions))?;
+    pub fn create(path: &Path, columns: LoadColumns<'_>) -> Result<Self, ResultsError> {
+        let header = line(path, header(columns))?;
         replace(path, &header)?;
-        Self::open(path, [surfaces.len(), points.len(), regions.len()], vec![LineChecksum::of(&header)])
+        Self::open(path, columns.counts(), vec![LineChecksum::of(&header)])
     }
 
     /// Continues the table of an interrupted run after step `completed_steps`. All steps up to this one must be there,
@@ -98,24 +121,24 @@ impl LoadsWriter {
     /// # Errors
     /// Returns [`ResultsError::Damaged`] if the table is missing, has other columns, or lacks a step;
     /// [`ResultsError::Read`] or [`ResultsError::Write`] if the file cannot be read or written.
-    pub fn resume(
-        path: &Path,
-        surfaces: &[&str],
-        points: &[&str],
-        regions: &[&str],
-        completed_steps: usize,
-    ) -> Result<Self, ResultsError> {
+    pub fn resume(path: &Path, columns: LoadColumns<'_>, completed_steps: usize) -> Result<Self, ResultsError> {
         let (loads, lines) = Loads::up_to(path, completed_steps)?;
-        if loads.surfaces != surfaces || loads.points != points || loads.regions != regions {
+        let LoadColumns { surfaces, points, regions, constraints } = columns;
+        if loads.surfaces != surfaces
+            || loads.points != points
+            || loads.regions != regions
+            || loads.constraints != constraints
+        {
             let what = "has the columns of another case";
-            return Err(ResultsError::damaged(path, Some(1), what, "the surfaces, points and regions of this case"));
+            let expected = "the surfaces, points, regions and constraints of this case";
+            return Err(ResultsError::damaged(path, Some(1), what, expected));
         }
         replace(path, &lines.concat())?;
         let marks = lines.iter().map(|line| LineChecksum::of(line)).collect();
-        Self::open(path, [surfaces.len(), points.len(), regions.len()], marks)
+        Self::open(path, columns.counts(), marks)
     }
 
-    fn open(path: &Path, counts: [usize; 3], marks: Vec<LineChecksum>) -> Result<Self, ResultsError> {
+    fn open(path: &Path, counts: [usize; 4], marks: Vec<LineChecksum>) -> Result<Self, ResultsError> {
         let file = OpenOptions::new().append(true).open(path).map_err(ResultsError::write(path))?;
         Ok(Self { path: path.into(), file, counts, marks })
     }
@@ -138,47 +161,47 @@ impl LoadsWriter {
     /// # Errors
     /// Returns [`ResultsError::Length`] if the row does not have the columns of the table, or [`ResultsError::Write`]
     /// if it cannot be written.
-    pub fn row(
-        &mut self,
-        step: usize,
-        t: f64,
-        surfaces: &[SurfaceRow],
-        points: &[[f64; 3]],
-        volumes: &[f64],
-    ) -> Result<(), ResultsError> {
-        let [of_surfaces, of_points, of_regions] = self.counts;
+    pub fn row(&mut self, row: &LoadRow) -> Result<(), ResultsError> {
+        let [of_surfaces, of_points, of_regions, of_constraints] = self.counts;
         for (name, found, expected) in [
-            ("surfaces", surfaces.len(), of_surfaces),
-            ("points", points.len(), of_points),
-            ("regions", volumes.len(), of_regions),
+            ("surfaces", row.surfaces.len(), of_surfaces),
+            ("points", row.points.len(), of_points),
+            ("regions", row.volumes.len(), of_regions),
+            ("constraints", row.pressures.len(), of_constraints),
         ] {
             ResultsError::check_length(&self.path, name, found, expected)?;
         }
-        let bytes = line(&self.path, fields(step, t, surfaces, points, volumes))?;
+        let bytes = line(&self.path, fields(row))?;
         self.file.write_all(&bytes).map_err(ResultsError::write(&self.path))?;
         self.marks.push(LineChecksum::of(&bytes));
         Ok(())
     }
 }
 
-fn header(surfaces: &[&str], points: &[&str], regions: &[&str]) -> Vec<String> {
+fn header(LoadColumns { surfaces, points, regions, constraints }: LoadColumns<'_>) -> Vec<String> {
     let mut columns = vec!["step".to_owned(), "t".to_owned()];
-    for (names, quantities) in [(surfaces, &SURFACE_COLUMNS[..]), (points, &POINT_COLUMNS), (regions, &["volume"])] {
+    for (names, quantities) in [
+        (surfaces, &SURFACE_COLUMNS[..]),
+        (points, &POINT_COLUMNS),
+        (regions, &["volume"]),
+        (constraints, &["pressure"]),
+    ] {
         columns
             .extend(names.iter().flat_map(|name| quantities.iter().map(move |quantity| format!("{name}.{quantity}"))));
     }
     columns
 }
 
-fn fields(step: usize, t: f64, surfaces: &[SurfaceRow], points: &[[f64; 3]], volumes: &[f64]) -> Vec<String> {
+fn fields(LoadRow { step, t, surfaces, points, volumes, pressures }: &LoadRow) -> Vec<String> {
     let of_surface = |row: &SurfaceRow| {
         let ([fx, fy, fz], [ux, uy, uz]) = (row.force, row.displacement);
         [row.area, fx, fy, fz, ux, uy, uz]
     };
-    let numbers = std::iter::once(t)
+    let numbers = std::iter::once(*t)
         .chain(surfaces.iter().flat_map(of_surface))
         .chain(points.as_flattened().iter().copied())
-        .chain(volumes.iter().copied());
+        .chain(volumes.iter().copied())
+        .chain(pressures.iter().copied());
     std::iter::once(step.to_string()).chain(numbers.map(|number| format!("{number:.16e}"))).collect()
 }
 
@@ -298,8 +321,10 @@ impl Loads {
                 (&mut loads.points, &POINT_COLUMNS[..], name)
             } else if let Some(name) = column.strip_suffix(".volume") {
                 (&mut loads.regions, &["volume"][..], name)
+            } else if let Some(name) = column.strip_suffix(".pressure") {
+                (&mut loads.constraints, &["pressure"][..], name)
             } else {
-                return Err((column.into(), "`NAME.area`, `NAME.fx` or `NAME.volume`"));
+                return Err((column.into(), "`NAME.area`, `NAME.fx`, `NAME.volume` or `NAME.pressure`"));
             };
             for (k, quantity) in quantities.iter().enumerate() {
                 let found = rest.get(k).copied().unwrap_or_default();
@@ -335,6 +360,9 @@ impl Loads {
         }
         for _ in &self.regions {
             row.volumes.push(number()?);
+        }
+        for _ in &self.constraints {
+            row.pressures.push(number()?);
         }
         Ok(row)
     }

@@ -44,7 +44,7 @@ pub(in crate::app) use clear::{failed_rve_file, remove_as};
 pub use collection::Collection;
 pub use error::ResultsError;
 pub use fields::{FieldSet, Fields, read_fields, read_vtu, write_vtu};
-pub use loads::{Loads, LoadsWriter, SurfaceRow};
+pub use loads::{LoadColumns, LoadRow, Loads, LoadsWriter, SurfaceRow};
 pub use lock::DirectoryLock;
 pub use log::{Event, LogWriter};
 pub use networks::{NetworkSet, Networks, read_vtp, write_vtp};

@@ -76,6 +76,7 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
         let boundary = macro_scale::boundary(&case, &mesh, &conditions)?;
         let prescribed = boundary.prescribed_mask(mesh.nodes().len());
         rigid_modes::check(&mesh, &prescribed, boundary.supports()).map_err(|error| Box::new(error.into()))?;
+        macro_scale::check_constraints(&case, &mesh, &conditions, &prescribed)?;
         let unknowns = prescribed.as_flattened().iter().filter(|&&prescribed| !prescribed).count();
         let (field, network_warnings) = material(&case, &mesh)?;
         warnings.extend(plausibility::warnings(&case, &mesh, field.library()));

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use biotissue::app::case::Case;
 use biotissue::app::run::{NetworkSize, ProblemSize};
+use biotissue::fem::constraint::{ConstrainedVolume, ConstraintMethod, VolumeConstraint};
 
 use clap::Args;
 use serde::Serialize;
@@ -56,6 +57,7 @@ struct Plan {
     networks: Vec<NetworkSize>,
     surfaces: Vec<String>,
     regions: Vec<String>,
+    constraints: Vec<String>,
     steps: usize,
     threads: usize,
     ranks: usize,
@@ -83,12 +85,28 @@ impl Job for CheckJob {
             networks,
             surfaces: setup.mesh().surface_names().map(str::to_owned).collect(),
             regions: setup.mesh().regions().to_vec(),
+            constraints: setup.case().constraints.iter().map(|each| description(&each.constraint)).collect(),
             steps,
             threads,
             ranks: setup.case().scales.least(),
             directory: setup.case().output.directory.clone(),
         })
     }
+}
+
+/// Describes a volume constraint, such as `lumen: cavity of inner, lid; volume constant; by multiplier`.
+fn description(VolumeConstraint { name, of, curve, method }: &VolumeConstraint) -> String {
+    let of = match of {
+        ConstrainedVolume::Region(region) if region == "*" => "the whole body".into(),
+        ConstrainedVolume::Region(region) => format!("region {region}"),
+        ConstrainedVolume::Cavity(surfaces) => format!("cavity of {}", surfaces.join(", ")),
+    };
+    let target = if curve.is_some() { "driven" } else { "constant" };
+    let method = match method {
+        ConstraintMethod::Multiplier => "multiplier".into(),
+        ConstraintMethod::Penalty { factor } => format!("penalty of {factor}"),
+    };
+    format!("{name}: {of}; volume {target}; by {method}")
 }
 
 impl Plan {
@@ -106,6 +124,7 @@ impl Plan {
         for network in &self.networks {
             lines.push(format!("  {:<24} {:>6} unknowns, {:>6} RVEs", network.name, network.unknowns, network.rves));
         }
+        lines.extend(self.constraints.iter().map(|constraint| format!("constraint {constraint}")));
         lines.push(format!("steps      {}", self.steps));
         let megabytes = |bytes: usize| bytes as f64 * 1e-6;
         lines.push(format!(
