@@ -25,7 +25,7 @@ surface = "x0"
 displacement = {{ x = 0.0, y = 0.0, z = 0.0 }}
 [[boundary]]
 surface = "x1"
-displacement = {{ x = 0.4, y = 0.2 }}
+displacement = {{ x = 1.5, y = 0.8 }}
 [[constraint]]
 cavity = ["floor", "walls"]
 name = "lumen"
@@ -62,7 +62,7 @@ fn constrained_volumes_do_not_depend_on_ranks_rves_or_interruptions() {
     let folder = with_mesh();
     let folder = folder.path();
     let mut tables = Vec::new();
-    for (method, newton) in [("", ""), ("method = \"penalty\"", ""), ("method = \"penalty\"", "max_iterations = 4")] {
+    for (method, newton) in [("", ""), ("method = \"penalty\"", ""), ("method = \"penalty\"", "max_iterations = 2")] {
         let rve = format!("{{ model = \"fiber-rve\", networks = [], matrix = {{ {CONSTANTS} }} }}");
         std::fs::write(folder.join("formula.toml"), formula(method, newton)).unwrap();
         std::fs::write(folder.join("rve.toml"), case(&rve, method, newton)).unwrap();
@@ -70,13 +70,8 @@ fn constrained_volumes_do_not_depend_on_ranks_rves_or_interruptions() {
         line(folder, "run formula/case.toml --out written").done();
         line(folder, "run rve.toml --out rve --ranks 3").done();
         line(folder, "run rve.toml --out parts").done();
-        for step in [2, 3] {
-            std::fs::remove_file(folder.join(format!("parts/checkpoint/step-0000{step}.bin"))).ok();
-            if step == 2 {
-                continue;
-            }
-            line(folder, "run rve.toml --out parts --resume").done();
-        }
+        std::fs::remove_file(folder.join("parts/checkpoint/step-00003.bin")).unwrap();
+        line(folder, "run rve.toml --out parts --resume").done();
         let read = |run: &str| std::fs::read_to_string(folder.join(run).join("loads.csv")).unwrap();
         for other in ["written", "rve", "parts"] {
             assert_eq!(read(other), read("formula"), "{other}, {method} {newton}");
@@ -145,7 +140,7 @@ fn constraints_are_checked_against_the_mesh_and_planned() {
     let all = ["y0", "y1", "z0", "z1", "floor", "walls"].map(|surface| {
         format!("[[boundary]]\nsurface = \"{surface}\"\ndisplacement = {{ x = 0.0, y = 0.0, z = 0.0 }}\n")
     });
-    let held = whole.replace("{ x = 0.4, y = 0.2 }", "{ x = 0.0, y = 0.0, z = 0.0 }");
+    let held = whole.replace("{ x = 1.5, y = 0.8 }", "{ x = 0.0, y = 0.0, z = 0.0 }");
     let held = held.replacen("[[constraint]]", &(all.concat() + "[[constraint]]"), 1);
     refused(held, "constraint `lumen`: no free displacement changes the volume");
 }

@@ -353,6 +353,8 @@ mod tests {
         assert!(matches!(failure.reason, NewtonError::Solve(SolveError::SingularBorder { .. })), "{failure}");
         // A compliance makes the second one regular.
         let mut problem = OnSphere { x: [1.0, 1.0, 0.0], ..on_sphere(2.0, 0.5) };
-        dense(3, 2).solve(&mut problem, &NewtonParams::default()).unwrap();
+        let once = NewtonParams { max_iterations: 1, ..NewtonParams::default() };
+        let failure = dense(3, 2).solve(&mut problem, &once).unwrap_err();
+        assert!(matches!(failure.reason, NewtonError::TooManyIterations { iterations: 1, .. }), "{failure}");
     }
 }

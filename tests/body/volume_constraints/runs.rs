@@ -69,7 +69,7 @@ fn cut_steps_reach_the_state_of_uncut_ones() {
         whole.run(&mut ()).unwrap();
         for start in [StepStart::Tangent, StepStart::Prescribed] {
             let mut params = StepParams { count: 1, start, ..StepParams::default() };
-            params.newton.max_iterations = 3;
+            params.newton.max_iterations = 2;
             let mut cut = started(hollow_box(ElementType::Hex8), &conditions, params);
             let report = cut.step(&mut ()).unwrap();
             assert!(report.cuts > 0, "{report:?}");
