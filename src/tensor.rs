@@ -27,6 +27,17 @@ pub fn from_row_major(components: &[f64; 9]) -> Matrix3<f64> {
     Matrix3::from_fn(|i, j| components[3 * i + j])
 }
 
+/// Computes the cofactor `det(F) F^-T`, the derivative of `det F`, also where `det F = 0`.
+///
+/// ```
+/// let f = nalgebra::Matrix3::from_diagonal(&[2.0, 3.0, 0.0].into());
+/// assert_eq!(biotissue::tensor::cofactor(&f), nalgebra::Matrix3::from_diagonal(&[0.0, 0.0, 6.0].into()));
+/// ```
+pub fn cofactor(f: &Matrix3<f64>) -> Matrix3<f64> {
+    let [x, y, z] = [0, 1, 2].map(|column| f.column(column).into_owned());
+    Matrix3::from_columns(&[y.cross(&z), z.cross(&x), x.cross(&y)])
+}
+
 /// Computes `dP = A : dF`, Pa, for a tangent with row `3 * i + J` and column `3 * k + L`.
 #[inline(always)]
 pub fn contract(tangent: &SMatrix<f64, 9, 9>, df: &Matrix3<f64>) -> Matrix3<f64> {

@@ -17,6 +17,7 @@ use std::time::Instant;
 use biotissue::backends::petsc::{Context, MatrixType, Petsc, Session, SessionError};
 use biotissue::fem::assembly::{Assembler, Unknowns, geometry};
 use biotissue::fem::boundary::{Conditions, LoadCurve, PointCondition, PointLocation, SurfaceCondition};
+use biotissue::fem::constraint::{ConstrainedVolume, ConstraintMethod, VolumeConstraint};
 use biotissue::fem::material::{Material, NeoHookean};
 use biotissue::fem::mesh::shapes;
 use biotissue::fem::point_field::{FormulaField, PointResponses};
@@ -54,6 +55,7 @@ const CHECKS: &[Check] = &[
     ("split_communicators", split_communicators),
     ("frozen_rve", frozen_rve),
     ("stretched_body", stretched_body),
+    ("constrained_body", constrained_body),
     #[cfg(all(feature = "sparse", feature = "generate"))]
     ("generated_network", generated_network),
 ];
@@ -565,10 +567,8 @@ fn generated_network(context: &Context) {
     assert!((pk1 - expected).amax() < 4e-10 * expected.amax(), "{pk1} {expected}");
 }
 
-/// A block of 24 tetrahedra is pulled to a stretch of 1.25. The exact solution is homogeneous, with the lateral stretch
-/// `s` from `mu (s^2 - 1) + lambda ln(1.25 s^2) = 0`.
-fn stretched_body(context: &Context) {
-    let (mu, lambda) = (3846.0, 5769.0);
+/// The supports of a block of 24 tetrahedra that is pulled to a stretch of 1.25.
+fn pulled_block() -> Conditions {
     let side = |name: &str, x| SurfaceCondition {
         surface: name.into(),
         displacement: [Some(x), None, None],
@@ -576,12 +576,18 @@ fn stretched_body(context: &Context) {
     };
     let point =
         |node, displacement| PointCondition { place: PointLocation::Node(node), displacement, curve: LoadCurve::Ramp };
-    let conditions = Conditions {
+    Conditions {
         surfaces: vec![side("left", 0.0), side("right", 0.5)],
         points: vec![point(6, [Some(0.0); 3]), point(5, [None, None, Some(0.0)])],
-        loads: vec![],
         ..Conditions::default()
-    };
+    }
+}
+
+/// A block of 24 tetrahedra is pulled to a stretch of 1.25. The exact solution is homogeneous, with the lateral stretch
+/// `s` from `mu (s^2 - 1) + lambda ln(1.25 s^2) = 0`.
+fn stretched_body(context: &Context) {
+    let (mu, lambda) = (3846.0, 5769.0);
+    let conditions = pulled_block();
     let mut s: f64 = 1.0;
     for _ in 0..50 {
         s -= (mu * (s * s - 1.0) + lambda * (1.25 * s * s).ln()) / (2.0 * mu * s + 2.0 * lambda / s);
@@ -600,6 +606,33 @@ fn stretched_body(context: &Context) {
         }
         // The second run has the unknowns in reverse order.
         order.reverse();
+    }
+}
+
+/// The same block, pulled at constant volume: the lateral stretch is `s = 1.25^(-1/2)`, and the pressure that removes the
+/// lateral stress `mu (s^2 - 1)`. All ranks compute the same pressure.
+fn constrained_body(context: &Context) {
+    let (mu, lambda, s) = (3846.0, 5769.0, 1.25_f64.sqrt().recip());
+    let mesh = Arc::new(bar_of_24::mesh());
+    for method in [ConstraintMethod::Multiplier, ConstraintMethod::Penalty { factor: 100.0 }] {
+        let of = ConstrainedVolume::Region("*".into());
+        let constraint = VolumeConstraint { name: "block".into(), of, curve: None, method };
+        let conditions = Conditions { constraints: vec![constraint], ..pulled_block() };
+        let field = FormulaField::uniform(NeoHookean { mu, lambda }, &mesh);
+        let params = StepParams { count: 4, ..StepParams::default() };
+        let mut stepper = Stepper::<Petsc, _>::new(context, Arc::clone(&mesh), &conditions, field, params).unwrap();
+        stepper.run(&mut ()).unwrap();
+        let state = stepper.state();
+        for (x, u) in bar_of_24::NODES.iter().zip(&state.displacements) {
+            let exact = [0.25 * (x[0] + 1.0), (s - 1.0) * (x[1] + 1.0), (s - 1.0) * x[2]];
+            assert!((0..3).all(|i| (u[i] - exact[i]).abs() < 1e-6), "{x:?}: {u:?}, exact {exact:?}");
+        }
+        let (pressure, expected) = (state.volumes[0].pressure, mu * (s * s - 1.0));
+        assert!((pressure - expected).abs() < 1e-6 * mu, "{pressure} {expected}");
+        let bits = pressure.to_bits();
+        let mut bits_of_all = vec![0_u64; SimpleCommunicator::world().size() as usize];
+        SimpleCommunicator::world().all_gather_into(&bits, &mut bits_of_all[..]);
+        assert!(bits_of_all.iter().all(|&other| other == bits), "{bits_of_all:?}");
     }
 }
 

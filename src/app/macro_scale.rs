@@ -7,10 +7,12 @@ use super::case::{
     SurfaceLoad, terms,
 };
 use super::{step_loads, vtu};
+use crate::fem::assembly;
 use crate::fem::boundary::{
     BodyForce, Boundary, BoundaryError, Conditions, Foundation, LoadCondition, PointCondition, PointDisplacement,
     PointLoad, PointLocation, Pressure, RigidCondition, SurfaceCondition, TimedValue, Traction,
 };
+use crate::fem::constraint::{ConstraintError, Constraints};
 use crate::fem::mesh::shapes::{self, ShapeError};
 use crate::fem::mesh::{Mesh, MeshError, gmsh};
 use crate::fem::stepping::{IncrementControl, StepParams};
@@ -192,6 +194,54 @@ fn line_of_value(case: &Case, place: &str, t: f64, x: [f64; 3]) -> Option<usize>
     boundary.or(body).or_else(|| line_of(case, place))
 }
 
+/// Checks the volume constraints of a case against its mesh; `prescribed` tells which displacement components of each node
+/// are prescribed.
+///
+/// # Errors
+/// Returns [`InputErrors`] if a constraint cannot be imposed, with its line.
+pub fn check_constraints(
+    case: &Case,
+    mesh: &Mesh,
+    conditions: &Conditions,
+    prescribed: &[[bool; 3]],
+) -> Result<(), InputErrors> {
+    if conditions.constraints.is_empty() {
+        return Ok(());
+    }
+    let geometry = assembly::geometry(mesh).map_err(|error| {
+        let cure = "improve the mesh, or correct the `scale` of [mesh]";
+        InputError::at_line(&case.file, case.mesh_line, error.to_string(), "elements of positive volume", cure)
+    })?;
+    let Err(error) = Constraints::new(mesh, &geometry, &conditions.constraints, prescribed) else { return Ok(()) };
+    let (expected, cure) = hint_of_constraint(&error);
+    let of = case.constraints.iter().find(|each| each.constraint.name == error.constraint());
+    let line = of.map(|each| each.line);
+    Err(InputErrors::from(InputError { line, ..InputError::in_file(&case.file, error.to_string(), expected, cure) }))
+}
+
+/// Returns what was expected of a constraint that cannot be imposed, and the cure.
+pub fn hint_of_constraint(error: &ConstraintError) -> (&'static str, &'static str) {
+    match error {
+        ConstraintError::Unknown { .. } => {
+            ("a region or surfaces of the mesh", "choose one of these, or name it in the mesh as a physical group")
+        }
+        ConstraintError::Open { .. } => (
+            "surfaces that together are closed, with normals that point out of the body",
+            "add the surfaces that close the gap to `cavity`, or correct the physical surface in the mesh",
+        ),
+        ConstraintError::NotACavity { .. } => (
+            "surfaces around a cavity, with the body outside of it",
+            "name the inner surfaces; to control the volume of the body itself, constrain a `region`",
+        ),
+        ConstraintError::Target { .. } => ("a target volume above 0", "correct the curve of `volume`"),
+        ConstraintError::Penalty { .. } => ("a penalty factor above 0", "correct `penalty`"),
+        ConstraintError::Fixed { .. } => (
+            "a volume that free displacements can change",
+            "remove the constraint, or leave a surface of the volume free",
+        ),
+    }
+}
+
 /// Returns the line of a condition, given its description in a [`BoundaryError`].
 fn line_of(case: &Case, place: &str) -> Option<usize> {
     let number = |prefix: &str| place.strip_prefix(prefix)?.parse::<usize>().ok()?.checked_sub(1);
@@ -264,8 +314,17 @@ pub fn conditions(case: &Case) -> Conditions {
             loads.push(Arc::new(BodyForce { region: region.clone(), value, curve }));
         }
     }
-    let hold_free_modes = case.hold_free_modes;
-    Conditions { surfaces, points, point_displacements, loads, symmetry_planes, rigid, hold_free_modes }
+    let constraints = case.constraints.iter().map(|each| each.constraint.clone()).collect();
+    Conditions {
+        surfaces,
+        points,
+        point_displacements,
+        loads,
+        symmetry_planes,
+        rigid,
+        hold_free_modes: case.hold_free_modes,
+        constraints,
+    }
 }
 
 /// Divides a force into terms with one curve each.

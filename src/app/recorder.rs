@@ -164,13 +164,18 @@ impl<'a> Recorder<'a> {
             rotation: motion.rotation,
             displacement: motion.displacement,
         };
+        let mut volumes = step.mesh.deformed_region_volumes(&step.state.displacements);
+        let constrained = step.constraints.iter().zip(&step.state.volumes);
+        let others = constrained.filter(|(constraint, _)| step.mesh.region(constraint.name()).is_none());
+        volumes.extend(others.map(|(_, state)| state.volume));
         self.loads.row(&LoadRow {
             step: step.step,
             t: step.t,
             surfaces: forces.surfaces.iter().map(of_surface).collect(),
             points: forces.points.iter().map(|point| point.force).collect(),
             rigid: forces.rigid.iter().map(of_rigid).collect(),
-            volumes: step.mesh.deformed_region_volumes(&step.state.displacements),
+            volumes,
+            pressures: step.state.volumes.iter().map(|state| state.pressure).collect(),
         })
     }
 
@@ -303,6 +308,7 @@ impl Recorder<'_> {
             increments: step.report.increments,
             cuts: step.report.cuts as u32,
             rounds: step.report.evolutions,
+            augmentations: step.report.augmentations,
             newton: newton_log(&step.report.solves, step.report.seconds(), total),
             rve: (step.field.sites().rves() > 0).then(|| rve_log(&stats, step.field)),
             balance: balance(&step.forces),
@@ -372,11 +378,14 @@ fn newton_log(reports: &[NewtonReport], seconds: las::NewtonSeconds, total: f64)
 /// Returns what the columns of the table of loads describe.
 fn load_names(case: &Case, mesh: &Mesh) -> LoadNames {
     let rigid = case.boundaries.iter().filter(|boundary| matches!(boundary.load, SurfaceLoad::Rigid(_)));
+    let constraints: Vec<String> = case.constraints.iter().map(|each| each.constraint.name.clone()).collect();
+    let others = constraints.iter().filter(|name| mesh.region(name).is_none());
     LoadNames {
         surfaces: mesh.surface_names().map(str::to_owned).collect(),
         points: (0..case.points.len()).map(|k| format!("point{k}")).collect(),
         rigid: rigid.map(|boundary| boundary.surface.clone()).collect(),
-        regions: mesh.regions().to_vec(),
+        regions: mesh.regions().iter().chain(others).cloned().collect(),
+        constraints,
     }
 }
 

@@ -1,6 +1,8 @@
 //! Equilibrium of the body as a nonlinear problem: find the displacements at which internal and external forces
 //! balance.
 
+mod constraints;
+
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -9,14 +11,16 @@ use thiserror::Error;
 
 use super::assembly::Assembler;
 use super::boundary::{Boundary, Source};
+use super::constraint::{Constraints, VolumeState};
 use super::kinematics::RigidMotion;
 use super::mesh::Mesh;
 use super::point_field::{PointField, PointResponses};
 use super::reactions::BoundaryForces;
 use crate::las::{
-    Backend, MatrixOps, NewtonSeconds, NewtonSystem, NonlinearProblem, RealBackend, ResidualScale, SolveError, Solver,
-    VectorOps,
+    Backend, Border, MatrixOps, NewtonSeconds, NewtonSystem, NonlinearProblem, RealBackend, ResidualScale, SolveError,
+    Solver, VectorOps,
 };
+use constraints::Volumes;
 
 /// The reason why the body has no residual at a state, or why a state cannot be committed.
 #[derive(Clone, Debug, Error, PartialEq)]
@@ -47,10 +51,24 @@ pub enum EquilibriumError<E, F> {
         /// The largest one that the residual explains, N.
         limit: f64,
     },
+    /// Augmentation of the pressures of the penalty method did not bring a volume to its target.
+    #[error(
+        "the volume of constraint `{constraint}` is {volume:.6e} m^3 after {rounds} augmentations of its pressure; its target is {target:.6e} m^3"
+    )]
+    VolumeNotReached {
+        /// The name of the constraint.
+        constraint: String,
+        /// The volume, m^3.
+        volume: f64,
+        /// The target volume, m^3.
+        target: f64,
+        /// Number of augmentations.
+        rounds: usize,
+    },
     /// The trial state about to be committed is out of balance.
     #[error("the converged state is out of balance: |r| = {residual:.3e} N, but Newton stops at {limit:.3e} N")]
     OutOfBalance {
-        /// Norm of the residual of the free unknowns, N.
+        /// Norm of the residual of the free unknowns and of the constraints, N.
         residual: f64,
         /// The convergence threshold of Newton at this state, N.
         limit: f64,
@@ -70,14 +88,16 @@ pub struct BodyState {
     pub gradients: Vec<Matrix3<f64>>,
     /// Energy, stress and tangent of each point.
     pub responses: PointResponses,
-    /// Internal force at each node, N, including prescribed components.
+    /// Internal force at each node, N, including prescribed components, and including the pressures of constrained regions.
     pub internal: Vec<[f64; 3]>,
-    /// External force at each node, N.
+    /// External force at each node, N, including the pressures of constrained cavities.
     pub external: Vec<[f64; 3]>,
+    /// Volume, target and pressure of each constraint.
+    pub volumes: Vec<VolumeState>,
 }
 
 impl BodyState {
-    fn undeformed(mesh: &Mesh, boundary: &Boundary) -> Self {
+    fn undeformed(mesh: &Mesh, boundary: &Boundary, constraints: usize) -> Self {
         let (nodes, points) = (mesh.nodes().len(), mesh.points().len());
         Self {
             t: 0.0,
@@ -87,6 +107,7 @@ impl BodyState {
             responses: PointResponses::zeros(points),
             internal: vec![[0.0; 3]; nodes],
             external: vec![[0.0; 3]; nodes],
+            volumes: vec![VolumeState::default(); constraints],
         }
     }
 }
@@ -105,6 +126,7 @@ pub struct Equilibrium<B: Backend, P> {
     committed: BodyState,
     /// Displacements and motions to which [`NonlinearProblem::restore`] returns.
     saved: (Vec<[f64; 3]>, Vec<RigidMotion>),
+    volumes: Volumes,
     /// Work array for nodal forces or increments that are copied to or from a vector.
     nodal: Vec<[f64; 3]>,
     floor: f64,
@@ -122,11 +144,28 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
         assembler: Assembler<B>,
         field: P,
     ) -> Result<Self, EquilibriumError<P::Error, B::Error>> {
-        let trial = BodyState::undeformed(&mesh, &boundary);
+        Self::constrained(mesh, boundary, Constraints::default(), assembler, field)
+    }
+
+    /// Creates a body like [`Equilibrium::new`], with volume constraints that were given to
+    /// [`Assembler::locate_constraints`].
+    ///
+    /// # Errors
+    /// As for [`Equilibrium::new`].
+    pub fn constrained(
+        mesh: Arc<Mesh>,
+        boundary: Boundary,
+        constraints: Constraints,
+        assembler: Assembler<B>,
+        field: P,
+    ) -> Result<Self, EquilibriumError<P::Error, B::Error>> {
+        let trial = BodyState::undeformed(&mesh, &boundary, constraints.len());
+        let volumes = Volumes::new(constraints, mesh.nodes().len());
         let mut body = Self {
             committed: trial.clone(),
             saved: (trial.displacements.clone(), trial.rigid.clone()),
             nodal: trial.displacements.clone(),
+            volumes,
             floor: 0.0,
             mesh,
             boundary,
@@ -136,6 +175,7 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
         };
         body.evaluate_points()?;
         body.floor = body.assembler.rounding_error(&body.trial.responses.tangent);
+        body.start_constraints();
         body.commit()?;
         Ok(body)
     }
@@ -167,7 +207,9 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
 
     /// Returns the surface and point forces on the body in the committed state.
     pub fn forces(&self) -> BoundaryForces {
-        BoundaryForces::new(&self.mesh, &self.boundary, &self.committed)
+        let mut forces = BoundaryForces::new(&self.mesh, &self.boundary, &self.committed);
+        self.add_cavity_resultants(&self.committed, &mut forces);
+        forces
     }
 
     /// Replaces the responses that do not continue the committed state by responses that do; see
@@ -196,18 +238,20 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
     pub fn commit(&mut self) -> Result<(), EquilibriumError<P::Error, B::Error>> {
         self.field.commit()?;
         std::mem::swap(&mut self.trial, &mut self.committed);
-        self.reset_displacements();
+        self.reset_to_committed();
         Ok(())
     }
 
-    /// Resets the trial displacements to the committed ones.
-    fn reset_displacements(&mut self) {
+    /// Resets displacements, motions and volumes of the trial state to the committed ones.
+    fn reset_to_committed(&mut self) {
         self.trial.displacements.copy_from_slice(&self.committed.displacements);
         self.trial.rigid.copy_from_slice(&self.committed.rigid);
+        self.trial.volumes.copy_from_slice(&self.committed.volumes);
     }
 
-    /// Checks that the forces of the trial state, as they are about to be committed and written, balance: the norm of
-    /// the residual of the free unknowns, which Newton also uses, must not exceed ten times the threshold at which
+    /// Checks that the forces of the trial state, as they are about to be committed and written, balance, and that the
+    /// constraints hold: the norm of the residual of the free unknowns and constraints, which Newton also uses, must not
+    /// exceed ten times the threshold at which
     /// Newton stops with this tolerance. The internal forces are summed again from the stresses, so the check detects
     /// stresses that changed after Newton converged; the factor allows for iterative solvers and other orders of
     /// summation.
@@ -218,9 +262,11 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
         const FACTOR: f64 = 10.0;
         let trial = &mut self.trial;
         self.assembler.internal_forces(&trial.displacements, &trial.responses.pk1, &mut trial.internal);
+        self.add_region_forces();
         self.set_net_forces();
         let residual = self.assembler.free_norm(&mut self.nodal, &self.trial.rigid);
-        let limit = (tolerance * self.scale()).max(self.floor);
+        let residual = residual.hypot(self.volumes.residual(&self.trial.volumes));
+        let limit = (tolerance * self.scale()).max(self.residual_floor());
         // A NaN residual also fails.
         if residual <= FACTOR * limit {
             self.check_supports(FACTOR * limit)
@@ -250,7 +296,13 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
 
     /// Returns the scale of the residual of the trial state, N.
     fn scale(&self) -> f64 {
-        norm(&self.trial.internal).max(norm(&self.trial.external))
+        let forces = norm(&self.trial.internal).max(norm(&self.trial.external));
+        forces.max(self.volumes.scale(&self.trial.volumes))
+    }
+
+    /// Returns the norm of the residual of the trial state that is due to rounding, N.
+    fn residual_floor(&self) -> f64 {
+        self.floor.hypot(self.volumes.floor(&self.trial.volumes))
     }
 
     /// Resets the trial displacements and the micro states to the committed ones.
@@ -259,39 +311,44 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
     /// Returns [`EquilibriumError::PointField`] if the point field cannot revert.
     pub fn revert(&mut self) -> Result<(), EquilibriumError<P::Error, B::Error>> {
         self.trial.t = self.committed.t;
-        self.reset_displacements();
+        self.reset_to_committed();
         Ok(self.field.revert()?)
     }
 
-    /// Commits the state with these displacements and motions at pseudo-time `t`, independently of the previously
+    /// Commits the state with these displacements, motions and pressures at pseudo-time `t`, independently of the previously
     /// committed one.
     pub(super) fn restore_at(
         &mut self,
         t: f64,
         displacements: &[[f64; 3]],
         rigid: &[RigidMotion],
+        pressures: &[[f64; 2]],
     ) -> Result<(), EquilibriumError<P::Error, B::Error>> {
         self.trial.t = t;
         self.trial.displacements.copy_from_slice(displacements);
         self.trial.rigid.copy_from_slice(rigid);
+        self.set_pressures(pressures);
+        self.set_targets();
         self.evaluate_external_forces();
         self.evaluate_points()?;
+        self.add_constraint_forces();
         self.commit()
     }
 
-    /// Starts a step to pseudo-time `t`: the trial state is the committed state with the prescribed displacements and
-    /// the external forces of `t`.
+    /// Starts a step to pseudo-time `t`: the trial state is the committed state with the prescribed displacements, the
+    /// external forces and the target volumes of `t`.
     pub fn begin_step(&mut self, t: f64) {
         self.trial.t = t;
-        self.reset_displacements();
+        self.reset_to_committed();
         self.boundary.apply_prescribed(t, &mut self.trial.displacements, &mut self.trial.rigid);
+        self.set_targets();
         self.evaluate_external_forces();
     }
 
     /// Starts a step to pseudo-time `t` from the linearization of the committed state: solves
     /// `K du = f_ext(t) - f_int - K_fc dg` with the tangent stiffness `K` of the committed state and the increments
     /// `dg` of the prescribed displacements. From the undeformed body this is the linear-elastic solution. `f_ext` is
-    /// evaluated with `dg` applied, so `K_fc` is the stiffness of the elements alone.
+    /// evaluated with `dg` applied, so `K_fc` is the stiffness of the elements alone. Constraints border this system.
     ///
     /// # Errors
     /// Returns the [`SolveError`] of the solver; the trial state is then as [`Equilibrium::begin_step`] leaves it.
@@ -305,19 +362,22 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
         let increments: Vec<[f64; 3]> = moved.map(|(new, old)| std::array::from_fn(|i| new[i] - old[i])).collect();
         let BodyState { displacements, responses, .. } = &self.committed;
         self.assembler.linearized_forces(displacements, responses, &increments, &mut self.nodal);
+        self.linearize_constraint_forces(&increments);
         for ((force, external), internal) in
             self.nodal.iter_mut().zip(&self.trial.external).zip(&self.committed.internal)
         {
             *force = std::array::from_fn(|i| external[i] - internal[i] - force[i]);
         }
         scatter(&self.assembler, &mut self.nodal, &self.committed.rigid, &mut system.residual)?;
+        self.linearize_constraints(&increments, system)?;
         net_forces(&self.committed, &mut self.nodal);
         let loaded = Instant::now();
         system.matrix.assemble(|k| self.add_tangent(&self.committed, t, k))?;
         let assembled = Instant::now();
         system.solver.factor(&system.matrix)?;
         let factored = Instant::now();
-        system.solver.solve(&system.residual, &mut system.direction)?;
+        system.solve_linear()?;
+        self.advance_pressures(1.0, &system.border.increments);
         self.advance_displacements(1.0, &system.direction)?;
         Ok(NewtonSeconds {
             residual: (loaded - start).as_secs_f64(),
@@ -339,7 +399,8 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
         let BodyState { displacements, rigid, responses, .. } = state;
         self.assembler.stiffness(displacements, rigid, responses, k)?;
         self.assembler.load_stiffness(self.boundary.loads(), t, displacements, rigid, k)?;
-        self.assembler.rigid_stiffness(rigid, &self.nodal, k)
+        self.assembler.rigid_stiffness(rigid, &self.nodal, k)?;
+        self.add_constraint_stiffness(state, k)
     }
 
     /// Evaluates stresses, tangents and internal forces of the trial state.
@@ -379,17 +440,19 @@ fn net_forces(state: &BodyState, net: &mut [[f64; 3]]) {
 impl<B: RealBackend, P: PointField> NonlinearProblem<B> for Equilibrium<B, P> {
     type Error = EquilibriumError<P::Error, B::Error>;
 
-    /// Evaluates `r = f_int - f_ext` of the free unknowns, N. The scale is the larger norm of the two over all nodes;
-    /// the floor is [`Assembler::rounding_error`] of the undeformed body.
+    /// Evaluates `r = f_int - f_ext` of the free unknowns, N. The scale is the larger norm of the two over all nodes, or
+    /// that of the forces of a constraint; the floor is [`Assembler::rounding_error`] of the undeformed body, and the
+    /// rounding of the constrained volumes.
     fn residual(&mut self, r: &mut B::Vector) -> Result<ResidualScale, Self::Error> {
         self.evaluate_points()?;
         // The forces of dead loads are those of `begin_step`.
-        if self.boundary.depends_on_displacements() {
+        if self.boundary.depends_on_displacements() || self.volumes.constraints.have_cavities() {
             self.evaluate_external_forces();
         }
+        self.add_constraint_forces();
         self.set_net_forces();
         scatter(&self.assembler, &mut self.nodal, &self.trial.rigid, r).map_err(EquilibriumError::Backend)?;
-        Ok(ResidualScale { scale: self.scale(), floor: self.floor })
+        Ok(ResidualScale { scale: self.scale(), floor: self.residual_floor() })
     }
 
     fn jacobian(&mut self, k: &mut B::Matrix) -> Result<(), Self::Error> {
@@ -408,8 +471,25 @@ impl<B: RealBackend, P: PointField> NonlinearProblem<B> for Equilibrium<B, P> {
             EquilibriumError::OffBranch(_)
             | EquilibriumError::StillChanging(_)
             | EquilibriumError::UnbalancedLoads { .. }
+            | EquilibriumError::VolumeNotReached { .. }
             | EquilibriumError::OutOfBalance { .. } => false,
         }
+    }
+
+    fn constraints(&self) -> usize {
+        self.volumes.constraints.len()
+    }
+
+    fn constraint_residuals(&self, c: &mut [f64]) {
+        self.write_constraint_residuals(c);
+    }
+
+    fn border(&mut self, border: &mut Border<B>) -> Result<(), Self::Error> {
+        self.write_border(border).map_err(EquilibriumError::Backend)
+    }
+
+    fn advance_multipliers(&mut self, a: f64, dp: &[f64]) {
+        self.advance_pressures(a, dp);
     }
 
     /// The norm of the displacement increments of all nodes since the committed state, prescribed ones included, m.
@@ -424,11 +504,13 @@ impl<B: RealBackend, P: PointField> NonlinearProblem<B> for Equilibrium<B, P> {
     fn save(&mut self) {
         self.saved.0.copy_from_slice(&self.trial.displacements);
         self.saved.1.copy_from_slice(&self.trial.rigid);
+        self.volumes.saved.clone_from(&self.trial.volumes);
     }
 
     fn restore(&mut self) {
         self.trial.displacements.copy_from_slice(&self.saved.0);
         self.trial.rigid.copy_from_slice(&self.saved.1);
+        self.trial.volumes.copy_from_slice(&self.volumes.saved);
     }
 }
 

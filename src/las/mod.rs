@@ -51,8 +51,8 @@ pub use backend::{Backend, RealBackend, SingleLane};
 pub use bytemuck;
 pub use comm::{Comm, CommError, Disagreement, Layout, Message, Payload, ReceiveRequest, SendRequest, Tag};
 pub use newton::{
-    Curvature, NewtonError, NewtonFailure, NewtonParams, NewtonReport, NewtonSeconds, NewtonSystem, NonlinearProblem,
-    Potential, RegularizedParams, ResidualScale, SaddleExit,
+    Border, Curvature, NewtonError, NewtonFailure, NewtonParams, NewtonReport, NewtonSeconds, NewtonSystem,
+    NonlinearProblem, Potential, RegularizedParams, ResidualScale, SaddleExit,
 };
 pub use ops::{MatrixOps, VectorOps};
 pub use products::{Entries, MatMat, MatVec};

@@ -343,6 +343,7 @@ fn loads_row(k: usize, step: usize, t: f64) -> LoadRow {
         points: vec![[x.sin(), 0.0, 1.0]],
         rigid: vec![rigid],
         volumes: vec![x.sqrt()],
+        pressures: vec![-x.cbrt()],
     }
 }
 
@@ -352,6 +353,7 @@ fn load_names(surfaces: &[&str], point: &str, rigid: &str, region: &str) -> Load
         points: vec![point.into()],
         rigid: vec![rigid.into()],
         regions: vec![region.into()],
+        constraints: vec![region.into()],
     }
 }
 
@@ -377,7 +379,7 @@ fn the_header_of_the_loads_is_unchanged() {
     let path = dir.path().join("loads.csv");
     LoadsWriter::create(&path, load_names(&["x0"], "point0", "x1", "body")).unwrap();
     let header = "step,t,x0.area,x0.fx,x0.fy,x0.fz,x0.ux,x0.uy,x0.uz,point0.fx,point0.fy,point0.fz,\
-                  x1.mx,x1.my,x1.mz,x1.rx,x1.ry,x1.rz,x1.dx,x1.dy,x1.dz,body.volume\n";
+                  x1.mx,x1.my,x1.mz,x1.rx,x1.ry,x1.rz,x1.dx,x1.dy,x1.dz,body.volume,body.pressure\n";
     assert_eq!(std::fs::read_to_string(&path).unwrap(), header);
     std::fs::write(&path, header.replace("x0.fz", "x0.fx")).unwrap();
     assert!(Loads::read(&path).unwrap_err().to_string().contains("loads.csv:1"));

@@ -32,3 +32,5 @@ mod stiffness;
 mod thick_walls;
 #[cfg(feature = "sparse")]
 mod tube;
+#[cfg(feature = "sparse")]
+mod volume_constraints;

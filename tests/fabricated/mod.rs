@@ -96,7 +96,8 @@ pub fn write(dir: &Path, cells: [usize; 3]) {
     .unwrap();
     let names = LoadNames {
         surfaces: ["left", "right", "sides"].map(str::to_owned).to_vec(),
-        regions: ["grip", "gauge"].map(str::to_owned).to_vec(),
+        regions: ["grip", "gauge", "lumen"].map(str::to_owned).to_vec(),
+        constraints: vec!["lumen".into()],
         ..LoadNames::default()
     };
     let mut loads = LoadsWriter::create(&dir.join(LOADS_FILE), names).unwrap();
@@ -107,8 +108,9 @@ pub fn write(dir: &Path, cells: [usize; 3]) {
         let (u, f) = (0.25 * t * LENGTH, 0.8 * (2.0 * t).exp_m1());
         let surface = |f: f64, u: f64| SurfaceRow { area: 4.2e-5, force: [f, 1e-9, 0.0], displacement: [u, 0.0, 0.0] };
         let surfaces = vec![surface(-f, 0.0), surface(f, u), surface(1e-12, 0.4 * u)];
-        let volumes = vec![1.2e-6, 9.0e-7 * (1.0 - 0.1 * t)];
-        loads.row(&LoadRow { step, t, surfaces, volumes, ..LoadRow::default() }).unwrap();
+        let volumes = vec![1.2e-6, 9.0e-7 * (1.0 - 0.1 * t), 3.0e-8];
+        let row = LoadRow { step, t, surfaces, volumes, pressures: vec![120.0 * t], ..LoadRow::default() };
+        loads.row(&row).unwrap();
         if step == 7 {
             let reason = "element 17: det F = -0.2 <= 0".into();
             log.write(&Event::Cut(Cut { step, t, reason, lost_rve: None, newton: newton(step) })).unwrap();
@@ -131,6 +133,7 @@ pub fn write(dir: &Path, cells: [usize; 3]) {
             increments: 1 + cuts as usize,
             cuts,
             rounds: 0,
+            augmentations: 0,
             newton: newton(step),
             rve,
             balance: Default::default(),

@@ -2,10 +2,13 @@
 #![cfg(feature = "app")]
 
 mod arguments;
+mod constraints;
 mod element_ranks;
 mod elements;
 mod fields;
 mod files;
+#[path = "../support/hollow_box.rs"]
+mod hollow_box;
 mod loads;
 mod messages;
 mod outputs;

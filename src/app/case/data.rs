@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use super::formula::FormulaCase;
 use super::load_value::LoadValue;
 use crate::fem::boundary::LoadCurve;
+use crate::fem::constraint::VolumeConstraint;
 use crate::fem::element::ElementType;
 use crate::fem::mesh::QuadraticHexahedron;
 use crate::fem::mesh::shapes::TubeShape;
@@ -37,6 +38,8 @@ pub struct Case {
     pub body_forces: Vec<BodyForceCase>,
     /// Whether supports are added against the free rigid-body modes of the body.
     pub hold_free_modes: bool,
+    /// Volume constraints.
+    pub constraints: Vec<ConstraintCase>,
     /// The load steps.
     pub steps: StepsCase,
     /// Newton's method at the macro scale.
@@ -212,6 +215,15 @@ pub struct BodyForceCase {
     pub value: [LoadValue; 3],
     /// The load curve over pseudo-time.
     pub curve: LoadCurve,
+}
+
+/// A volume constraint.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ConstraintCase {
+    /// Line of the case file.
+    pub line: usize,
+    /// The constraint.
+    pub constraint: VolumeConstraint,
 }
 
 /// The load steps; by default 10 steps, each one increment unless it fails, and at most 6 cuts.

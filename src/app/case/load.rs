@@ -245,6 +245,7 @@ fn curve_beside<'a>(table: &mut Table<'_>, values: impl Iterator<Item = &'a Load
 fn curve_of(value: &Value<'_>) -> Option<LoadCurve> {
     const EXPECTED: &str =
         "\"ramp\", a list of [t, factor] with t ascending from 0 to 1, or an expression of t, x, y and z";
+    const FORM: &str = "\"ramp\" or such as [[0.0, 0.0], [1.0, 1.0]]";
     const PAIR: &str = "[t, factor]: a t from 0 to 1 and a number";
     if let Some(name) = value.inner.as_str() {
         if name == "ramp" {
@@ -257,21 +258,27 @@ fn curve_of(value: &Value<'_>) -> Option<LoadCurve> {
         let factor = ExpressionFactor::new(value.expression(EXPECTED, &VARIABLES)?);
         return Some(LoadCurve::Function(Arc::new(factor)));
     }
-    let rows = value.list(EXPECTED, "\"ramp\" or such as [[0.0, 0.0], [1.0, 1.0]]")?;
+    table_of(value, [EXPECTED, FORM, PAIR], Range::any(""))
+}
+
+/// Reads the points of a curve whose factors are in `factors`; the texts describe the whole value, a valid form, and a
+/// point.
+pub(super) fn table_of(value: &Value<'_>, [expected, form, pair]: [&str; 3], factors: Range) -> Option<LoadCurve> {
+    let rows = value.list(expected, form)?;
     if rows.is_empty() {
-        value.report_invalid(EXPECTED, "write \"ramp\" or such as [[0.0, 0.0], [1.0, 1.0]]");
+        value.report_invalid(expected, format!("write {form}"));
         return None;
     }
     let mut points: Vec<[f64; 2]> = Vec::with_capacity(rows.len());
     let mut complete = true;
     for row in &rows {
-        let Some(point) = row.pair([Range::from_to(0.0, 1.0), Range::any("")], PAIR) else {
+        let Some(point) = row.pair([Range::from_to(0.0, 1.0), factors], pair) else {
             complete = false;
             continue;
         };
         if let Some(before) = points.last().filter(|before| point[0] <= before[0]) {
             let complaint = format!("has t = {} after t = {}", point[0], before[0]);
-            row.report_error(&complaint, EXPECTED, "sort the points by t and give each t once");
+            row.report_error(&complaint, expected, "sort the points by t and give each t once");
             complete = false;
         }
         points.push(point);

@@ -59,6 +59,12 @@
 //! region = "*"                             # "*": the whole body
 //! value = [0.0, 0.0, -9.81e3]              # N/m^3 of reference volume; takes a curve too
 //!
+//! [[constraint]]
+//! region = "*"                             # or: cavity = ["inner", "lid"], the surfaces that enclose it together
+//! name = "tissue"                          # in loads.csv; default: the region, or the first surface
+//! volume = "constant"                      # or the volume over that at rest: [[0.0, 1.0], [1.0, 1.2]]
+//! method = "multiplier"                    # default; or "penalty" (below)
+//!
 //! [steps]
 //! count = 20                               # default 10
 //! max_cuts = 6                             # default; how many times a failing step may be halved
@@ -239,6 +245,23 @@
 //! adds the fewest zero displacements of single nodes that prevent rigid-body motions; `biotissue check` lists them. They
 //! exert no force if the loads balance; otherwise the step fails.
 //!
+//! # Volume constraints
+//!
+//! ```toml
+//! [[constraint]]
+//! cavity = "lumen"                         # the wall, whose faces form a closed surface
+//! volume = [[0.0, 1.0], [1.0, 1.5]]
+//! method = "penalty"
+//! penalty = 100.0                          # default
+//! ```
+//!
+//! A constraint finds the pressure that gives a region or a cavity its volume. A positive pressure presses on the walls of
+//! the cavity, or expands the region; `loads.csv` lists it. The `multiplier` satisfies the constraint in every
+//! equilibrium. The `penalty` method (augmented Lagrangian) restores equilibrium with adapted pressures until the volume is
+//! within the tolerance of `[newton]`, relative to the volume at rest. `penalty` is the penalty parameter in units of
+//! `|A| / V0`, with the mean norm `|A|` of the tangent at rest in Pa and the volume `V0` at rest: larger values need fewer
+//! rounds, which `log.jsonl` counts as `augmentations`. See [`constraint`](crate::fem::constraint).
+//!
 //! # Iterative solvers
 //!
 //! ```toml
@@ -331,8 +354,9 @@
 //!   a displacement, a nonzero traction or a rigid motion. Pressures on one surface add up, as do body forces of one region.
 //! * Names of regions are unique. The region `*` covers every region of the mesh that no other `[[region]]` names, so
 //!   that no region has two materials.
-//! * `[[constraint]]` is recognized and rejected: it is not available in this version.
+//! * Names of constraints are unique. That of a cavity is not the name of a region.
 
+mod constraint;
 mod data;
 mod elastic;
 mod formula;

@@ -2,10 +2,11 @@
 
 use crate::input::{InputError, InputErrors, excerpt};
 
-use super::data::{Case, MeshSource};
+use super::data::{Case, ConstraintCase, MeshSource};
 use super::formula::FormulaCase;
 use super::problems::{alternatives, nearest};
 use crate::app::vtu;
+use crate::fem::constraint::{ConstrainedVolume, VolumeConstraint};
 use crate::tissue::materials::{OTHER_REGIONS, RegionMaterial, find_region};
 
 impl Case {
@@ -28,12 +29,29 @@ impl Case {
         let mut errors = Vec::new();
         let bodies = self.regions.iter().map(|each| (&each.name, each.line));
         let forces = self.body_forces.iter().map(|each| (&each.region, each.line));
-        for (name, line) in bodies.chain(forces).filter(|(name, _)| *name != OTHER_REGIONS && !regions.contains(name)) {
+        let constrained = self.constraints.iter().filter_map(|each| match &each.constraint.of {
+            ConstrainedVolume::Region(region) => Some((region, each.line)),
+            ConstrainedVolume::Cavity(_) => None,
+        });
+        let in_bodies = bodies.chain(forces).chain(constrained);
+        for (name, line) in in_bodies.filter(|(name, _)| *name != OTHER_REGIONS && !regions.contains(name)) {
             errors.push(self.unknown("region", (name, line), regions, ("surface", surfaces)));
         }
         let loads = self.boundaries.iter().map(|each| (&each.surface, each.line));
-        for (name, line) in loads.filter(|(name, _)| !surfaces.contains(name)) {
+        let walls = self.constraints.iter().flat_map(|each| match &each.constraint.of {
+            ConstrainedVolume::Region(_) => Vec::new(),
+            ConstrainedVolume::Cavity(surfaces) => surfaces.iter().map(|surface| (surface, each.line)).collect(),
+        });
+        for (name, line) in loads.chain(walls).filter(|(name, _)| !surfaces.contains(name)) {
             errors.push(self.unknown("surface", (name, line), surfaces, ("region", regions)));
+        }
+        // `loads.csv` has one volume per name.
+        for ConstraintCase { line, constraint: VolumeConstraint { name, of, .. } } in &self.constraints {
+            if regions.contains(name) && *of != ConstrainedVolume::Region(name.clone()) {
+                let what = format!("the constraint has the name of region \"{}\" of the mesh", excerpt(name));
+                let expected = "a name that is not that of another volume";
+                errors.push(InputError::at_line(&self.file, *line, what, expected, "give it another `name`"));
+            }
         }
         errors.sort_by_key(|error| error.line);
         for region in regions.iter().filter(|region| self.material_of(region).is_none()) {

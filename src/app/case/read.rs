@@ -9,7 +9,7 @@ use crate::input::{InputError, InputErrors, excerpt};
 use super::data::Case;
 use super::problems::Problems;
 use super::table::Table;
-use super::{load, material, section};
+use super::{constraint, load, material, section};
 use crate::tissue::materials::RegionMaterial;
 
 /// A case that was read, with its warnings.
@@ -67,9 +67,7 @@ fn read(root: &mut Table<'_>, path: &Path, base: &Path) -> Option<Case> {
     let points = load::points(root);
     let body_forces = load::body_forces(root);
     let hold_free_modes = load::hold_free_modes(root);
-    if let Some(constraint) = root.get("constraint") {
-        constraint.unavailable("[[constraint]]", "boundaries, points and body forces", "remove it");
-    }
+    let constraints = constraint::constraints(root);
     let steps = section::steps(root);
     let newton = section::newton(root);
     let micro = section::micro(root);
@@ -90,6 +88,7 @@ fn read(root: &mut Table<'_>, path: &Path, base: &Path) -> Option<Case> {
         points,
         body_forces,
         hold_free_modes,
+        constraints,
         steps,
         newton,
         micro,

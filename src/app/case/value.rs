@@ -32,11 +32,6 @@ impl<'d> Value<'d> {
         self.report_error(&format!("is {}", shown(self.inner)), expected, cure);
     }
 
-    /// Reports a feature that only a later version of the program provides.
-    pub(super) fn unavailable(&self, what: &str, instead: &str, cure: &str) {
-        self.problems.report(self.line, format!("{what} is not available in this version"), instead, cure);
-    }
-
     /// Reports a value of the wrong type; for a quoted number the cure is to remove the quotes.
     fn wrong_type(&self, expected: impl Into<String>, form: &str) {
         let cure = match self.inner {

@@ -7,6 +7,7 @@ use std::fmt::Debug;
 use std::path::Path;
 
 use crate::fem::boundary::LoadCurve;
+use crate::fem::constraint::{ConstrainedVolume, ConstraintMethod, VolumeConstraint};
 use crate::fem::element::ElementType;
 use crate::fem::mesh::QuadraticHexahedron;
 use crate::fem::mesh::shapes::TubeShape;
@@ -18,7 +19,7 @@ use crate::tissue::materials::{
     BeforeCreation, ElementSelection, FiberRve, NetworkAssignment, RegionMaterial, RveLifecycle,
 };
 
-use super::data::{Case, MeshSource, PointPlace, RigidCase, SurfaceLoad};
+use super::data::{Case, ConstraintCase, MeshSource, PointPlace, RigidCase, SurfaceLoad};
 use super::formula::FormulaCase;
 use super::load::AXES;
 use super::load_value::LoadValue;
@@ -83,6 +84,9 @@ impl Case {
             let entries = [text("region", &force.region), vector("value", &force.value)];
             let curve = curve(&force.curve, &force.value.iter().collect::<Vec<_>>());
             section(&mut out, "[[body_force]]", entries.into_iter().chain(curve));
+        }
+        for ConstraintCase { constraint, .. } in &self.constraints {
+            section(&mut out, "[[constraint]]", constraint_entries(constraint));
         }
         let adaptive = steps.adaptive.map_or(entry("adaptive", false), |adaptive| {
             let entries = vec![
@@ -262,6 +266,31 @@ fn rigid_entries(rigid: &RigidCase) -> Vec<Entry<'static>> {
     let motion = [("displacement", &rigid.displacement), ("rotation", &rigid.rotation)];
     let given = motion.into_iter().filter(|(_, given)| given.iter().any(Option::is_some));
     reference.into_iter().chain(given.map(|(key, given)| components(key, given))).collect()
+}
+
+fn constraint_entries(constraint: &VolumeConstraint) -> Vec<Entry<'_>> {
+    let mut entries = vec![
+        match &constraint.of {
+            ConstrainedVolume::Region(region) => text("region", region),
+            ConstrainedVolume::Cavity(surfaces) => {
+                let surfaces: Vec<String> = surfaces.iter().map(|surface| quoted(surface)).collect();
+                ("cavity", format!("[{}]", surfaces.join(", ")))
+            }
+        },
+        text("name", &constraint.name),
+        match &constraint.curve {
+            Some(LoadCurve::Table(table)) => entry("volume", table.points()),
+            // A case file has no other curves.
+            _ => entry("volume", "constant"),
+        },
+    ];
+    match constraint.method {
+        ConstraintMethod::Multiplier => entries.push(entry("method", "multiplier")),
+        ConstraintMethod::Penalty { factor } => {
+            entries.extend([entry("method", "penalty"), entry("penalty", factor)]);
+        }
+    }
+    entries
 }
 
 fn components(key: &'static str, components: &[Option<LoadValue>; 3]) -> Entry<'static> {

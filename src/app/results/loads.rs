@@ -4,8 +4,9 @@
 //! the body through it, N), `NAME.ux`, `.uy`, `.uz` (mean displacement, m), then for every point with a prescribed
 //! displacement `NAME.fx`, `.fy`, `.fz` (N), then for every rigid surface `NAME.mx`, `.my`, `.mz` (the moment exerted on
 //! the body about the displaced reference point, N m), `NAME.rx`, `.ry`, `.rz` (rotation vector, rad) and `NAME.dx`,
-//! `.dy`, `.dz` (displacement of the reference point, m), then for every region `NAME.volume` (current, m^3). Numbers
-//! have 17 significant digits, so that reading them is exact.
+//! `.dy`, `.dz` (displacement of the reference point, m), then for every region, and for every constrained volume that is
+//! not a region, `NAME.volume` (current, m^3), then for every volume constraint `NAME.pressure` (Pa). Numbers have 17
+//! significant digits, so that reading them is exact.
 
 use std::fs::{File, OpenOptions};
 use std::io::Write;
@@ -56,8 +57,10 @@ pub struct LoadRow {
     pub points: Vec<[f64; 3]>,
     /// The states of all rigid surfaces.
     pub rigid: Vec<RigidRow>,
-    /// The current volume of every region, m^3.
+    /// The current volume of every region and of every other constrained volume, m^3.
     pub volumes: Vec<f64>,
+    /// The pressure of every volume constraint, Pa.
+    pub pressures: Vec<f64>,
 }
 
 /// The names of what the columns of a table describe. Point conditions have no names of their own: call them `point0`,
@@ -70,25 +73,29 @@ pub struct LoadNames {
     pub points: Vec<String>,
     /// Names of the rigid surfaces.
     pub rigid: Vec<String>,
-    /// Names of the regions.
+    /// Names of the regions and of the other constrained volumes.
     pub regions: Vec<String>,
+    /// Names of the volume constraints.
+    pub constraints: Vec<String>,
 }
 
 impl LoadNames {
     /// Returns the names of each group of columns, in their order, with the quantities that each name has.
-    fn groups(&self) -> [(&[String], &'static [&'static str]); 4] {
+    fn groups(&self) -> [(&[String], &'static [&'static str]); 5] {
         [
             (&self.surfaces, &SURFACE_COLUMNS),
             (&self.points, &POINT_COLUMNS),
             (&self.rigid, &RIGID_COLUMNS),
             (&self.regions, &["volume"]),
+            (&self.constraints, &["pressure"]),
         ]
     }
 
     /// Returns the group whose first quantity a column has, with its quantities and the name in the column.
     fn group_of<'c>(&mut self, column: &'c str) -> Option<(&mut Vec<String>, &'static [&'static str], &'c str)> {
         let quantities = self.groups().map(|(_, quantities)| quantities);
-        let groups = [&mut self.surfaces, &mut self.points, &mut self.rigid, &mut self.regions];
+        let Self { surfaces, points, rigid, regions, constraints } = self;
+        let groups = [surfaces, points, rigid, regions, constraints];
         let (name, quantity) = column.rsplit_once('.')?;
         let (group, quantities) =
             groups.into_iter().zip(quantities).find(|(_, quantities)| quantities[0] == quantity)?;
@@ -192,6 +199,7 @@ impl LoadsWriter {
             ("points", row.points.len(), self.names.points.len()),
             ("rigid surfaces", row.rigid.len(), self.names.rigid.len()),
             ("regions", row.volumes.len(), self.names.regions.len()),
+            ("volume constraints", row.pressures.len(), self.names.constraints.len()),
         ] {
             ResultsError::check_length(&self.path, name, found, expected)?;
         }
@@ -213,7 +221,8 @@ impl LoadRow {
             .chain(self.surfaces.iter().flat_map(of_surface))
             .chain(self.points.as_flattened().iter().copied())
             .chain(self.rigid.iter().flat_map(of_rigid))
-            .chain(self.volumes.iter().copied());
+            .chain(self.volumes.iter().copied())
+            .chain(self.pressures.iter().copied());
         std::iter::once(self.step.to_string()).chain(numbers.map(|number| format!("{number:.16e}"))).collect()
     }
 }
@@ -329,7 +338,7 @@ impl Loads {
         };
         while let Some(&column) = rest.first() {
             let Some((names, quantities, name)) = loads.names.group_of(column) else {
-                return Err((column.into(), "`NAME.area`, `NAME.fx`, `NAME.mx` or `NAME.volume`"));
+                return Err((column.into(), "`NAME.area`, `NAME.fx`, `NAME.mx`, `NAME.volume` or `NAME.pressure`"));
             };
             for (k, quantity) in quantities.iter().enumerate() {
                 let found = rest.get(k).copied().unwrap_or_default();
@@ -362,6 +371,7 @@ impl Loads {
             row.rigid.push(RigidRow { moment, rotation, displacement });
         }
         row.volumes = self.names.regions.iter().map(|_| next()).collect();
+        row.pressures = self.names.constraints.iter().map(|_| next()).collect();
         Ok(row)
     }
 }

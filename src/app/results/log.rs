@@ -73,6 +73,9 @@ pub struct Step {
     /// Number of times that the body was solved again because RVEs were created, woken or deleted.
     #[serde(default)]
     pub rounds: usize,
+    /// Number of times that the body was solved again with adapted pressures of penalty constraints.
+    #[serde(default)]
+    pub augmentations: usize,
     /// Newton's method at the macro scale.
     pub newton: NewtonLog,
     /// Statistics of the RVEs, if there are any.

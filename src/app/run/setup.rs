@@ -80,6 +80,7 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
         let boundary = macro_scale::boundary(&case, &mesh, &conditions)?;
         rigid_modes::check(&mesh, &boundary.restraints(&mesh), boundary.kinematics().rigid_surfaces())
             .map_err(|error| Box::new(error.into()))?;
+        macro_scale::check_constraints(&case, &mesh, &conditions, &boundary.fixed_components(mesh.nodes().len()))?;
         let unknowns = boundary.free_unknowns(mesh.nodes().len());
         let ResolvedMaterials { materials, ranges } = material_fields::resolve(&case, &mesh)?;
         let (field, network_warnings) = material(materials, &mesh)?;

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use biotissue::app::case::Case;
 use biotissue::app::material_fields::FieldRange;
 use biotissue::app::run::{NetworkSize, ProblemSize};
+use biotissue::fem::constraint::{ConstrainedVolume, ConstraintMethod, VolumeConstraint};
 
 use clap::Args;
 use serde::Serialize;
@@ -60,6 +61,7 @@ struct Plan {
     regions: Vec<String>,
     /// The supports against free rigid-body modes.
     supports: Vec<SupportPlan>,
+    constraints: Vec<String>,
     steps: usize,
     threads: usize,
     ranks: usize,
@@ -105,12 +107,28 @@ impl Job for CheckJob {
                     component: ["x", "y", "z"][usize::from(component)],
                 })
                 .collect(),
+            constraints: setup.case().constraints.iter().map(|each| description(&each.constraint)).collect(),
             steps,
             threads,
             ranks: setup.case().scales.least(),
             directory: setup.case().output.directory.clone(),
         })
     }
+}
+
+/// Describes a volume constraint, such as `lumen: cavity of inner, lid; volume constant; by multiplier`.
+fn description(VolumeConstraint { name, of, curve, method }: &VolumeConstraint) -> String {
+    let of = match of {
+        ConstrainedVolume::Region(region) if region == "*" => "the whole body".into(),
+        ConstrainedVolume::Region(region) => format!("region {region}"),
+        ConstrainedVolume::Cavity(surfaces) => format!("cavity of {}", surfaces.join(", ")),
+    };
+    let target = if curve.is_some() { "driven" } else { "constant" };
+    let method = match method {
+        ConstraintMethod::Multiplier => "multiplier".into(),
+        ConstraintMethod::Penalty { factor } => format!("penalty of {factor}"),
+    };
+    format!("{name}: {of}; volume {target}; by {method}")
 }
 
 impl Plan {
@@ -135,6 +153,7 @@ impl Plan {
         for FieldRange { region, parameter, min, max } in &self.fields {
             lines.push(format!("field      {parameter} from {min:?} to {max:?} in region \"{region}\""));
         }
+        lines.extend(self.constraints.iter().map(|constraint| format!("constraint {constraint}")));
         lines.push(format!("steps      {}", self.steps));
         let megabytes = |bytes: usize| bytes as f64 * 1e-6;
         lines.push(format!(

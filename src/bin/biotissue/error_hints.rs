@@ -4,6 +4,7 @@ use std::path::Path;
 
 use biotissue::app::case::RveParams;
 use biotissue::app::checkpoint::CheckpointError;
+use biotissue::app::macro_scale::hint_of_constraint;
 use biotissue::app::results::ResultsError;
 use biotissue::app::run::{ResumeError, SimulationError};
 use biotissue::fem::equilibrium::EquilibriumError;
@@ -70,6 +71,14 @@ pub fn cure_of_step<F: std::error::Error + 'static>(
         NewtonError::Solve(SolveError::Singular { .. }) => {
             "prescribe displacements that prevent every rigid-body motion; if the body buckles, use more load steps"
                 .into()
+        }
+        NewtonError::Solve(SolveError::SingularBorder { .. }) => {
+            "the free displacements cannot satisfy the constraints: remove one of two [[constraint]]s on the same volume, or \
+             leave more of the surface of the volume free"
+                .into()
+        }
+        NewtonError::Problem(EquilibriumError::VolumeNotReached { .. }) => {
+            "use method = \"multiplier\", or raise `penalty` of that [[constraint]]".into()
         }
         NewtonError::Problem(EquilibriumError::PointField(error)) => cure_of_point(error, micro),
         _ => TOO_FAR.into(),
@@ -165,6 +174,7 @@ fn cure_of_setup<F: std::error::Error + 'static>(
 ) -> (&'static str, &'static str) {
     match error {
         SetupError::Boundary(_) => ("loads that fit the mesh", "correct the boundary or point that is named"),
+        SetupError::Constraint(error) => hint_of_constraint(error),
         SetupError::Underconstrained(_) => (
             "prescribed displacements that prevent rigid-body motions of every connected part of the body",
             "prescribe displacements on more surfaces or components; [[point]] prescribes those of single nodes",

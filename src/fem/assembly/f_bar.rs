@@ -7,7 +7,7 @@ use crate::fem::element::reference::{Hex8, QuadraturePoint};
 use crate::fem::element::{ElementType, PointGeometry};
 use crate::fem::mesh::Mesh;
 use crate::fem::point_field::PointResponses;
-use crate::tensor::{contract, row_major};
+use crate::tensor::{cofactor, contract, row_major};
 
 /// A patch of elements (see [`Mesh::patches`]) with its geometry.
 #[derive(Clone, Debug)]
@@ -214,12 +214,6 @@ impl PatchCoupling {
         let columns = self.dilatation.as_flattened();
         self.forces.as_flattened().iter().flat_map(|force| columns.iter().map(move |slope| force * slope)).collect()
     }
-}
-
-/// Returns `det(F) F^-T`, the derivative of `det F`.
-fn cofactor(f: &Matrix3<f64>) -> Matrix3<f64> {
-    let [x, y, z] = [0, 1, 2].map(|column| f.column(column).into_owned());
-    Matrix3::from_columns(&[y.cross(&z), z.cross(&x), x.cross(&y)])
 }
 
 fn hexahedron_center(mesh: &Mesh, element: usize) -> Result<PointGeometry<8>, GeometryError> {

@@ -51,6 +51,7 @@ mod f_bar;
 mod geometry;
 pub mod local;
 mod unknowns;
+mod volume;
 
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -59,6 +60,7 @@ use nalgebra::{Matrix3, SMatrix};
 
 pub use geometry::{Geometry, GeometryError, geometry};
 pub use unknowns::Unknowns;
+pub use volume::volume_tangent;
 
 use super::boundary::Load;
 use super::kinematics::{Kinematics, RigidDerivatives, RigidMotion, Rows};
@@ -66,6 +68,7 @@ use super::point_field::PointResponses;
 use crate::las::{Backend, Index, MatrixOps, RealBackend, VectorOps};
 use f_bar::{PatchTangents, tangents};
 use geometry::{Block, with_block};
+use volume::CavityFace;
 
 /// Geometry and matrix positions of all elements, computed once; integrates and scatters at every state.
 ///
@@ -87,6 +90,8 @@ pub struct Assembler<B: Backend> {
     load_groups: Vec<LoadGroup<B>>,
     /// The patches with rows on this rank, and their positions in the matrix.
     local_patches: Vec<(usize, Vec<B::Slot>)>,
+    /// The faces of constrained cavities with rows on this rank.
+    cavity_faces: Vec<CavityFace<B::Slot>>,
 }
 
 /// The derivatives of displacements by the unknowns of rigid surfaces, at one state of the body.
@@ -137,6 +142,7 @@ impl<B: RealBackend> Assembler<B> {
             local_rigid: Vec::new(),
             load_groups: Vec::new(),
             local_patches: Vec::new(),
+            cavity_faces: Vec::new(),
         };
         let (geometry, locate) =
             (&assembler.geometry, |block: &_| with_block!(block, b => assembler.locate(b, matrix)));

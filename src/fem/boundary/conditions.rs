@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use super::{LoadCondition, LoadCurve, RigidCondition};
+use crate::fem::constraint::VolumeConstraint;
 
 /// All boundary conditions of a body.
 ///
@@ -36,6 +37,8 @@ pub struct Conditions {
     /// Whether the nodes of each part of the body get as many additional zero displacements as are necessary to prevent
     /// its rigid-body motions. The loads must balance, so that these supports exert no force.
     pub hold_free_modes: bool,
+    /// Volumes of regions and cavities that are held or driven.
+    pub constraints: Vec<VolumeConstraint>,
 }
 
 /// A prescribed displacement of a surface. The surface may also carry loads, for example a traction along y while its

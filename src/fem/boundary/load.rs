@@ -80,8 +80,8 @@ pub struct Support {
 ///
 /// The sparsity pattern of the body couples the nodes of each element. A load may only add entries to this pattern, so
 /// a group consists of nodes of one element: those of a face, or all. [`Boundary::new`](super::Boundary)
-/// rejects other groups. A load that couples more nodes, such as a pressure that depends on the volume of a cavity, is
-/// not supported.
+/// rejects other groups. A pressure that depends on the volume of a cavity couples more nodes: it is a
+/// [`constraint`](crate::fem::constraint).
 #[derive(Clone, Copy, Debug)]
 pub enum CoupledNodes<'a> {
     /// The load does not depend on the displacements.

@@ -34,6 +34,7 @@ pub use load::{CoupledNodes, Load, LoadCondition, Support};
 pub use point_load::PointLoad;
 pub use prescribed::{PrescribedComponent, Source};
 pub use pressure::Pressure;
+pub(in crate::fem) use pressure::{add_pressure_stiffness, unmatched_edges};
 pub use rigid::{RigidCondition, TimedValue};
 
 use std::collections::BTreeMap;
@@ -137,6 +138,23 @@ impl Boundary {
         }
         for node in self.rigid.iter().flat_map(|rigid| &rigid.surface.nodes) {
             mask[*node as usize] = [true; 3];
+        }
+        mask
+    }
+
+    /// Returns which displacement components along x, y and z of the `nodes` nodes cannot change: prescribed ones, except
+    /// those of nodes that move along inclined planes or with a rigid surface.
+    ///
+    /// # Panics
+    /// Panics if `nodes` is less than the number of nodes of the mesh.
+    pub fn fixed_components(&self, nodes: usize) -> Vec<[bool; 3]> {
+        let mut mask = self.prescribed_mask(nodes);
+        for skew in &self.skew_nodes {
+            mask[skew.node as usize] = [skew.prescribed() == 3; 3];
+        }
+        for rigid in &self.rigid {
+            let is_fixed = rigid.prescribed().iter().all(|&prescribed| prescribed);
+            rigid.surface.nodes.iter().for_each(|&node| mask[node as usize] = [is_fixed; 3]);
         }
         mask
     }

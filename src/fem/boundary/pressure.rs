@@ -1,6 +1,6 @@
 //! Follower pressure: a force per current area, normal to the deformed surface.
 
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 
 use nalgebra::Vector3;
 
@@ -8,7 +8,7 @@ use super::{
     BoundaryError, CoupledNodes, Load, LoadCondition, LoadCurve, Source, check_finite, check_finite_at, find_surface,
     position_at,
 };
-use crate::fem::element::CellType;
+use crate::fem::element::{CellType, FaceType};
 use crate::fem::mesh::{Faces, Mesh};
 use crate::las::Symmetry;
 
@@ -54,7 +54,7 @@ impl LoadCondition for Pressure {
         }
         Ok(Box::new(FollowerPressure {
             surface,
-            is_closed: is_closed(&faces),
+            is_closed: unmatched_edges(&faces).is_empty(),
             faces,
             positions: mesh.nodes().to_vec(),
             value: self.value,
@@ -79,16 +79,43 @@ fn check_values(pressure: &Pressure, mesh: &Mesh, faces: &Faces) -> Result<(), B
     checked
 }
 
-/// Returns true if every edge of a face is also one of another face, in the opposite direction.
-fn is_closed(faces: &Faces) -> bool {
-    let mut open: HashMap<[u32; 2], i64> = HashMap::new();
+/// Returns the edges, by their corners in ascending order, that not as many faces pass in one direction as in the other,
+/// with their number of faces. A closed surface of one orientation has none.
+pub(in crate::fem) fn unmatched_edges(faces: &Faces) -> Vec<([u32; 2], usize)> {
+    let mut edges: BTreeMap<[u32; 2], (i64, usize)> = BTreeMap::new();
     for (face_type, nodes) in faces.typed() {
         let corners = &nodes[..face_type.corners()];
         for (&a, &b) in corners.iter().zip(corners.iter().cycle().skip(1)) {
-            *open.entry([a.min(b), a.max(b)]).or_default() += if a < b { 1 } else { -1 };
+            let (balance, count) = edges.entry([a.min(b), a.max(b)]).or_default();
+            *balance += if a < b { 1 } else { -1 };
+            *count += 1;
         }
     }
-    open.values().all(|&balance| balance == 0)
+    let unmatched = edges.into_iter().filter(|(_, (balance, _))| *balance != 0);
+    unmatched.map(|(edge, (_, faces))| (edge, faces)).collect()
+}
+
+/// Adds the stiffness of a pressure on a face with these current node positions, m, to the row-major square block of its
+/// nodes, N/m. `pressure` gives the pressure at a point from the values of the shape functions there, Pa.
+pub(in crate::fem) fn add_pressure_stiffness(
+    face_type: FaceType,
+    current: &[[f64; 3]],
+    pressure: impl Fn(&[f64]) -> f64,
+    block: &mut [f64],
+) {
+    let columns = 3 * current.len();
+    face_type.integrate_tangents(current, |values, gradients, tangents, weight| {
+        let pressure = pressure(values);
+        let [first, second] = tangents.map(|tangent| Vector3::from(tangent).cross_matrix());
+        for (b, [along_first, along_second]) in gradients.iter().enumerate() {
+            let turned = (first * *along_second - second * *along_first) * (pressure * weight);
+            for (a, value) in values.iter().enumerate() {
+                for (i, k) in (0..9).map(|n| (n / 3, n % 3)) {
+                    block[(3 * a + i) * columns + 3 * b + k] += value * turned[(i, k)];
+                }
+            }
+        }
+    });
 }
 
 impl FollowerPressure {
@@ -147,19 +174,8 @@ impl Load for FollowerPressure {
 
     fn add_stiffness(&self, t: f64, displacements: &[[f64; 3]], group: usize, block: &mut [f64]) {
         let Some((face_type, nodes)) = self.faces.get(group) else { return };
-        let columns = 3 * nodes.len();
-        face_type.integrate_tangents(&self.current(nodes, displacements), |values, gradients, tangents, weight| {
-            let pressure = self.pressure(t, nodes, values);
-            let [first, second] = tangents.map(|tangent| Vector3::from(tangent).cross_matrix());
-            for (b, [along_first, along_second]) in gradients.iter().enumerate() {
-                let turned = (first * *along_second - second * *along_first) * (pressure * weight);
-                for (a, value) in values.iter().enumerate() {
-                    for (i, k) in (0..9).map(|n| (n / 3, n % 3)) {
-                        block[(3 * a + i) * columns + 3 * b + k] += value * turned[(i, k)];
-                    }
-                }
-            }
-        });
+        let pressure = |values: &[f64]| self.pressure(t, nodes, values);
+        add_pressure_stiffness(face_type, &self.current(nodes, displacements), pressure, block);
     }
 }
 
@@ -232,7 +248,7 @@ mod tests {
         let mesh = shapes::cuboid([2, 1, 1], [1.0; 3]).unwrap();
         let mut all = Faces::default();
         mesh.surfaces().iter().for_each(|surface| all.extend(&surface.faces));
-        assert!(is_closed(&all) && !is_closed(&mesh.surfaces()[0].faces));
+        assert!(unmatched_edges(&all).is_empty() && !unmatched_edges(&mesh.surfaces()[0].faces).is_empty());
         assert_eq!(pressed(ElementType::Tet4).1.symmetry(), Symmetry::None);
     }
 }

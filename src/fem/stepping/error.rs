@@ -4,6 +4,7 @@ use thiserror::Error;
 
 use crate::fem::assembly::GeometryError;
 use crate::fem::boundary::BoundaryError;
+use crate::fem::constraint::ConstraintError;
 use crate::fem::equilibrium::EquilibriumError;
 use crate::fem::rigid_modes::UnderconstrainedBody;
 use crate::las::{NewtonError, SolveError, SparsityError};
@@ -17,6 +18,9 @@ pub enum SetupError<E: std::fmt::Display, F: std::fmt::Display> {
     /// The conditions contradict the mesh or each other.
     #[error(transparent)]
     Boundary(#[from] BoundaryError),
+    /// A volume constraint cannot be imposed.
+    #[error(transparent)]
+    Constraint(#[from] ConstraintError),
     /// A part of the body has free rigid-body modes.
     #[error(transparent)]
     Underconstrained(#[from] UnderconstrainedBody),

@@ -8,7 +8,8 @@
 //! only full steps are reported, so the rows of a result do not depend on the cuts.
 //!
 //! A state is committed if it is in equilibrium, if every response continues the committed state
-//! ([`PointField::verify`]), and if no point changes its material ([`PointField::evolve`]). Otherwise, equilibrium is
+//! ([`PointField::verify`]), if no point changes its material ([`PointField::evolve`]), and if the volumes that penalties
+//! constrain are at their targets ([`ConstraintMethod`](super::constraint::ConstraintMethod)). Otherwise, equilibrium is
 //! restored at the same pseudo-time.
 //!
 //! # Example
@@ -59,6 +60,7 @@ pub use saved::{RestoreError, SavedState, StepperRestoreError};
 
 use super::assembly::{self, Assembler, Unknowns};
 use super::boundary::{Boundary, Conditions};
+use super::constraint::Constraints;
 use super::equilibrium::{BodyState, Equilibrium, EquilibriumError};
 use super::mesh::Mesh;
 use super::point_field::PointField;
@@ -152,13 +154,18 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
             .with_kinematics(boundary.kinematics(), &boundary.prescribed_of_rigid_surfaces())?;
         let pattern = Arc::new(unknowns.pattern(&mesh)?);
         let elements = if mesh.patches().is_empty() { params.solver.symmetry } else { Symmetry::None };
-        let solver = SolverParams { symmetry: boundary.symmetry(elements), ..params.solver };
+        let fixed = boundary.fixed_components(mesh.nodes().len());
+        let constraints = Constraints::new(&mesh, &geometry, &conditions.constraints, &fixed)?;
+        let symmetry = constraints.symmetry(boundary.symmetry(elements));
+        let solver = SolverParams { symmetry, ..params.solver };
         let symbolic = B::analyze(context, &pattern, &solver)?;
-        let system = NewtonSystem::new(context, &pattern, &symbolic)?;
+        let system = NewtonSystem::bordered(context, &pattern, &symbolic, constraints.len())?;
         let mut assembler = Assembler::new(geometry, &unknowns, &system.matrix).map_err(SolveError::Backend)?;
         assembler.locate_loads(boundary.loads(), &system.matrix).map_err(SolveError::Backend)?;
-        let body = Equilibrium::new(mesh, boundary, assembler, field)?;
-        let (increments, break_points) = (Increments::new(&params), body.boundary().break_points());
+        assembler.locate_constraints(&constraints, &system.matrix).map_err(SolveError::Backend)?;
+        let break_points = merged(boundary.break_points(), constraints.break_points());
+        let body = Equilibrium::constrained(mesh, boundary, constraints, assembler, field)?;
+        let increments = Increments::new(&params);
         Ok(Self { body, system, params, completed_steps: 0, increments, break_points, undeformed: true })
     }
 
@@ -170,6 +177,11 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
     /// Returns the surface and point forces in the last converged state.
     pub fn forces(&self) -> BoundaryForces {
         self.body.forces()
+    }
+
+    /// Returns the volume constraints.
+    pub fn constraints(&self) -> &Constraints {
+        self.body.constraints()
     }
 
     /// Returns the point field.
@@ -309,19 +321,20 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
             mesh: self.body.mesh(),
             state: self.body.committed(),
             forces: self.body.forces(),
+            constraints: self.body.constraints(),
             field: self.body.field(),
         }
     }
 
     /// Advances from the committed state to an equilibrium state at pseudo-time `t` in which every response continues
-    /// the committed state and no point changes its material. `solves` collects the reports of the converged Newton
+    /// the committed state, no point changes its material, and all constraints hold. `solves` collects the reports of the converged Newton
     /// solves.
     fn attempt(&mut self, t: f64, report: &mut StepReport, solves: &mut Vec<NewtonReport>) -> Attempt<B, P, ()> {
         /// If responses still do not continue the committed state after this many rounds, they alternate between
         /// branches, and only a smaller increment helps.
         const MAX_REPLACEMENTS: usize = 5;
         solves.push(self.start(t, report)?);
-        let (mut evolutions, mut replacements) = (0, 0);
+        let (mut evolutions, mut replacements, mut augmentations) = (0, 0, 0);
         loop {
             if self.body.verify().map_err(Self::rejected)? {
                 if replacements == MAX_REPLACEMENTS {
@@ -335,6 +348,12 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
                 }
                 (evolutions, replacements) = (evolutions + 1, 0);
                 report.evolutions += 1;
+            } else if self.body.augment(self.params.newton.tolerance) {
+                if augmentations == self.params.max_augmentations {
+                    return Err(Self::rejected(self.body.volume_not_reached(augmentations)));
+                }
+                augmentations += 1;
+                report.augmentations += 1;
             } else {
                 break;
             }
@@ -411,6 +430,14 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
     fn unrecoverable(error: EquilibriumError<P::Error, B::Error>, newton: NewtonReport) -> FailedAttemptOf<B, P> {
         Box::new(Failed { reason: NewtonError::Problem(error), newton, unrecoverable: true, at_start: false })
     }
+}
+
+/// Returns the times of both lists, ascending and each once.
+fn merged(mut times: Vec<f64>, others: Vec<f64>) -> Vec<f64> {
+    times.extend(others);
+    times.sort_by(f64::total_cmp);
+    times.dedup();
+    times
 }
 
 #[cfg(all(test, feature = "sparse"))]

@@ -3,6 +3,7 @@
 use std::convert::Infallible;
 
 use super::{StepFailure, StepReport};
+use crate::fem::constraint::Constraints;
 use crate::fem::equilibrium::BodyState;
 use crate::fem::mesh::Mesh;
 use crate::fem::point_field::PointField;
@@ -58,6 +59,8 @@ pub struct ConvergedStep<'a, P> {
     pub state: &'a BodyState,
     /// Areas, forces and mean displacements of all surfaces; forces and displacements of the point conditions.
     pub forces: BoundaryForces,
+    /// The volume constraints, whose states are [`BodyState::volumes`].
+    pub constraints: &'a Constraints,
     /// The point field, for data other than stresses.
     pub field: &'a P,
 }

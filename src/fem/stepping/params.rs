@@ -15,6 +15,8 @@ pub struct StepParams {
     /// Maximum number of times that equilibrium may be restored at the same pseudo-time after points changed their
     /// material; beyond it, the attempt fails. Default 200.
     pub max_evolutions: usize,
+    /// Maximum number of augmentations of the pressures of penalty constraints per attempt. Default 50.
+    pub max_augmentations: usize,
     /// Initial guess of Newton in all steps except the first. Default [`StepStart::Tangent`].
     pub start: StepStart,
     /// Stopping criteria of Newton. Default: a tolerance of `1e-8`, 25 iterations, up to 10 reductions of the step
@@ -37,6 +39,7 @@ impl Default for StepParams {
             max_cuts: 6,
             increments: IncrementControl::default(),
             max_evolutions: 200,
+            max_augmentations: 50,
             start: StepStart::default(),
             newton,
             solver: SolverParams::default(),
@@ -76,6 +79,8 @@ pub struct StepReport {
     /// Number of rounds in which responses that did not continue the committed state were replaced, including
     /// failed attempts.
     pub verification_rounds: usize,
+    /// Number of augmentations of the pressures of penalty constraints, including failed attempts.
+    pub augmentations: usize,
     /// Newton reports of the failed attempts, in order.
     pub failures: Vec<NewtonReport>,
     /// Number of linearized starts, each with one factorization and one solve.

@@ -24,6 +24,8 @@ pub struct SavedState {
     pub displacements: Vec<[f64; 3]>,
     /// Motions of the rigid surfaces.
     pub rigid: Vec<RigidMotion>,
+    /// The pressures of each volume constraint, Pa: that of the state and that of the last augmentation.
+    pub pressures: Vec<[f64; 2]>,
 }
 
 /// The reason why a saved state cannot be restored. `R` is the error of the callback that restores the point field, `E`
@@ -57,6 +59,17 @@ pub enum RestoreError<R: std::fmt::Display, E: std::fmt::Display, F: std::fmt::D
     /// The motion of a rigid surface is not finite. Holds the surface, from 0.
     #[error("the motion of rigid surface {0} in the saved state is not a finite number")]
     RigidNotFinite(usize),
+    /// The saved state belongs to other constraints.
+    #[error("the state has pressures of {found} volume constraints; this run has {expected}")]
+    Constraints {
+        /// Number of constraints in the saved state.
+        found: usize,
+        /// Number of constraints of the run.
+        expected: usize,
+    },
+    /// A pressure is not finite. Holds the constraint, from 0.
+    #[error("the pressure of volume constraint {0} in the saved state is not a finite number")]
+    PressureNotFinite(usize),
     /// A displacement is not finite. Holds the node, from 0.
     #[error("the displacement of node {0} in the saved state is not a finite number")]
     NotFinite(usize),
@@ -84,6 +97,7 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
             increment: self.increments.length,
             displacements: state.displacements.clone(),
             rigid: state.rigid.clone(),
+            pressures: state.volumes.iter().map(|state| [state.pressure, state.augmented]).collect(),
         })
     }
 
@@ -120,9 +134,16 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
         if let Some(node) = state.displacements.iter().position(|u| u.iter().any(|u| !u.is_finite())) {
             return Err(RestoreError::NotFinite(node));
         }
+        let constraints = self.body.constraints().len();
+        if state.pressures.len() != constraints {
+            return Err(RestoreError::Constraints { found: state.pressures.len(), expected: constraints });
+        }
+        if let Some(constraint) = state.pressures.as_flattened().iter().position(|p| !p.is_finite()) {
+            return Err(RestoreError::PressureNotFinite(constraint / 2));
+        }
         field(self.body.field_mut()).map_err(RestoreError::Field)?;
         self.body
-            .restore_at(self.time_after(state.completed_steps), &state.displacements, &state.rigid)
+            .restore_at(self.time_after(state.completed_steps), &state.displacements, &state.rigid, &state.pressures)
             .map_err(RestoreError::Points)?;
         self.completed_steps = state.completed_steps;
         self.increments.restore(state.halvings, state.increment);

@@ -94,12 +94,16 @@ impl<B: Backend<Reduced: Scalar>> NewtonSystem<B> {
     ///
     /// # Errors
     /// Returns [`NewtonFailure`] if the iteration fails; the problem is restored to its initial state.
+    ///
+    /// # Panics
+    /// Panics if the problem has constraints, which are not supported.
     pub fn minimize<P: Potential<B>>(
         &mut self,
         problem: &mut P,
         tolerance: f64,
         params: &RegularizedParams,
     ) -> Result<NewtonReport, NewtonFailure<P::Error, B::Error>> {
+        assert!(problem.constraints() == 0 && self.border.is_empty(), "a minimization has no constraints");
         let mut descent = Descent { params, shift: 0.0, max_diagonal: 0.0, potential: None };
         self.iterate(problem, tolerance, params.max_iterations, true, |system, problem, iterate, limit, report| {
             system.regularized_step(problem, iterate.norm, limit, &mut descent, report)

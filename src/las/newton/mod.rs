@@ -4,8 +4,10 @@
 //! with the step length `a` of a backtracking line search (J. Nocedal and S. J. Wright, *Numerical Optimization*, 2nd
 //! ed., 2006, section 11.2; J. E. Dennis and R. B. Schnabel, *Numerical Methods for Unconstrained Optimization and
 //! Nonlinear Equations*, 1996, chapter 6). It stops when `|r| <= max(tolerance * scale, floor)`, with the scale and the
-//! floor of [`ResidualScale`] and Euclidean norms, and if [`NewtonParams`] asks for it, only after a small step.
+//! floor of [`ResidualScale`] and Euclidean norms, and if [`NewtonParams`] asks for it, only after a small step. Scalar
+//! constraints of the problem border the linear system ([`Border`]).
 
+mod border;
 mod curvature;
 mod line_search;
 mod minimize;
@@ -17,12 +19,13 @@ mod tests;
 use std::sync::Arc;
 use std::time::Instant;
 
+pub use border::Border;
 pub use curvature::{Curvature, SaddleExit};
 pub use minimize::{Potential, RegularizedParams};
 pub use problem::{NonlinearProblem, ResidualScale};
 pub use report::{NewtonError, NewtonFailure, NewtonParams, NewtonReport, NewtonSeconds};
 
-use super::{Backend, MatrixOps, Scalar, SolveError, Solver, Sparsity, VectorOps};
+use super::{Backend, MatrixOps, Scalar, SolveError, SolveReport, Solver, Sparsity, VectorOps};
 
 /// The linear system of a Newton iteration, created once and reused for all problems with the same sparsity pattern.
 ///
@@ -37,6 +40,8 @@ pub struct NewtonSystem<B: Backend> {
     pub matrix: B::Matrix,
     /// The factorization of `K`.
     pub solver: B::Solver,
+    /// The constraints and their multipliers.
+    pub border: Border<B>,
 }
 
 impl<B: Backend<Reduced: Scalar>> NewtonSystem<B> {
@@ -54,7 +59,22 @@ impl<B: Backend<Reduced: Scalar>> NewtonSystem<B> {
             direction: B::vector(context, pattern.rows())?,
             matrix: B::matrix(context, pattern)?,
             solver: B::solver(symbolic)?,
+            border: Border::empty(),
         })
+    }
+
+    /// Creates a system like [`NewtonSystem::new`], for problems with this number of constraints.
+    ///
+    /// # Errors
+    /// As for [`NewtonSystem::new`].
+    pub fn bordered(
+        context: &B::Context,
+        pattern: &Arc<Sparsity>,
+        symbolic: &Arc<B::Symbolic>,
+        constraints: usize,
+    ) -> Result<Self, SolveError<B::Error>> {
+        let border = Border::new(context, pattern.rows(), constraints)?;
+        Ok(Self { border, ..Self::new(context, pattern, symbolic)? })
     }
 
     /// Solves `problem` by Newton's method with a line search, until the residual norm is at most
@@ -62,11 +82,15 @@ impl<B: Backend<Reduced: Scalar>> NewtonSystem<B> {
     ///
     /// # Errors
     /// Returns [`NewtonFailure`] if the iteration fails; the problem is restored to its initial state.
+    ///
+    /// # Panics
+    /// Panics if the system was created for another number of constraints.
     pub fn solve<P: NonlinearProblem<B>>(
         &mut self,
         problem: &mut P,
         params: &NewtonParams,
     ) -> Result<NewtonReport, NewtonFailure<P::Error, B::Error>> {
+        assert_eq!(problem.constraints(), self.border.len(), "the system has as many constraints as the problem");
         let starts_settled = !params.has_step_criteria() || problem.state_scale().is_none();
         self.iterate(
             problem,
@@ -154,11 +178,24 @@ impl<B: Backend<Reduced: Scalar>> NewtonSystem<B> {
         let assembled = Instant::now();
         report.count(&self.solver.factor(&self.matrix)?);
         let factored = Instant::now();
-        report.linear_iterations += self.solver.solve(&self.residual, &mut self.direction)?.iterations;
+        if !self.border.is_empty() {
+            problem.border(&mut self.border).map_err(NewtonError::Problem)?;
+        }
+        report.linear_iterations += self.solve_linear()?.iterations;
         report.seconds.jacobian += (assembled - start).as_secs_f64();
         report.seconds.factor += (factored - assembled).as_secs_f64();
         report.seconds.solve += factored.elapsed().as_secs_f64();
         Ok(())
+    }
+
+    /// Solves the linear system with the factorization of the matrix: `residual` gives `direction`. With constraints,
+    /// [`Border::residuals`], the gradients and the compliances give [`Border::increments`] as well.
+    ///
+    /// # Errors
+    /// Returns the error of the solver, or [`SolveError::SingularBorder`].
+    pub fn solve_linear(&mut self) -> Result<SolveReport, SolveError<B::Error>> {
+        let Self { residual, direction, solver, border, .. } = self;
+        if border.is_empty() { solver.solve(residual, direction) } else { border.solve(solver, residual, direction) }
     }
 
     /// Assembles the Jacobian at the current state.
@@ -170,7 +207,11 @@ impl<B: Backend<Reduced: Scalar>> NewtonSystem<B> {
     fn evaluate<P: NonlinearProblem<B>>(&mut self, problem: &mut P, report: &mut NewtonReport) -> Evaluation<B, P> {
         let start = Instant::now();
         let residual_scale = problem.residual(&mut self.residual).map_err(NewtonError::Problem)?;
-        let norm = self.residual.norm()?.as_f64();
+        let mut norm = self.residual.norm()?.as_f64();
+        if !self.border.is_empty() {
+            problem.constraint_residuals(&mut self.border.residuals);
+            norm = self.border.residuals.iter().map(|c| c * c).sum::<f64>().sqrt().hypot(norm);
+        }
         report.seconds.residual += start.elapsed().as_secs_f64();
         // With an infinite scale every residual would count as converged.
         if norm.is_finite() && residual_scale.scale.is_finite() {
@@ -182,6 +223,9 @@ impl<B: Backend<Reduced: Scalar>> NewtonSystem<B> {
 
     /// Moves the state by `a` times the direction.
     fn advance<P: NonlinearProblem<B>>(&self, problem: &mut P, a: f64) -> Result<(), Failure<B, P>> {
+        if !self.border.is_empty() {
+            problem.advance_multipliers(a, &self.border.increments);
+        }
         problem.advance(a, &self.direction).map_err(NewtonError::Problem)
     }
 

@@ -1,10 +1,17 @@
 //! The interface of a nonlinear problem, which owns its state.
 
+use super::Border;
 use crate::las::Backend;
 
 /// A system of nonlinear equations `r(x) = 0` that owns its state `x`.
 ///
 /// The problem stores its state in any form; Newton's method uses only residuals, Jacobians and directions.
+///
+/// # Constraints
+/// A problem may have `m` scalar constraints with multipliers `p`, `r(x, p) = 0` and `c(x, p) = 0`, whose linearization
+/// is the bordered system of [`Border`]. The problem scales constraints and multipliers such that `c` has the unit of
+/// `r`: the norm of the residual is then `sqrt(|r|^2 + |c|^2)`. The factors must not change during a solve, or the line
+/// search would compare different norms.
 pub trait NonlinearProblem<B: Backend> {
     /// The reason why the problem cannot be evaluated at a state (an inverted element, for example). Newton then
     /// shortens the step if possible.
@@ -28,6 +35,35 @@ pub trait NonlinearProblem<B: Backend> {
     /// Returns an error if the state cannot be updated.
     fn advance(&mut self, a: f64, d: &B::Vector) -> Result<(), Self::Error>;
 
+    /// Returns the number of constraints, which must be that of the system ([`NewtonSystem::bordered`]). The default is
+    /// none.
+    ///
+    /// [`NewtonSystem::bordered`]: super::NewtonSystem::bordered
+    fn constraints(&self) -> usize {
+        0
+    }
+
+    /// Writes `c(x, p)` at the state of the last [`NonlinearProblem::residual`], whose scale and floor include the
+    /// constraints. Called only if there are constraints.
+    fn constraint_residuals(&self, c: &mut [f64]) {
+        let _ = c;
+    }
+
+    /// Writes the gradients and compliances of the constraints at the state of the last
+    /// [`NonlinearProblem::residual`]. Called only if there are constraints.
+    ///
+    /// # Errors
+    /// Returns an error if the gradients are undefined at this state.
+    fn border(&mut self, border: &mut Border<B>) -> Result<(), Self::Error> {
+        let _ = border;
+        Ok(())
+    }
+
+    /// `p += a dp`. Called only if there are constraints.
+    fn advance_multipliers(&mut self, a: f64, dp: &[f64]) {
+        let _ = (a, dp);
+    }
+
     /// Returns the size of the change of the state that steps are compared with
     /// ([`NewtonParams::step_tolerance`](super::NewtonParams::step_tolerance)), for example the norm of the displacement
     /// since the last converged state. The default, `None`, makes these criteria true.
@@ -40,7 +76,7 @@ pub trait NonlinearProblem<B: Backend> {
         false
     }
 
-    /// Saves the state; called once, before the first iteration.
+    /// Saves the state, multipliers included; called once, before the first iteration.
     fn save(&mut self);
 
     /// Restores the state saved by [`NonlinearProblem::save`]; called if Newton fails.

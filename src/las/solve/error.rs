@@ -55,6 +55,19 @@ pub enum SolveError<F> {
         /// The smallest ratio accepted.
         limit: f64,
     },
+    /// The unknowns cannot satisfy a constraint of a bordered system: they do not influence it, or only in the same way
+    /// as another constraint.
+    #[error(
+        "constraint {constraint} is singular: relative pivot {ratio:.1e} (limit {limit:.1e}); the free unknowns do not influence it, or not independently of the other constraints"
+    )]
+    SingularBorder {
+        /// The constraint, from 0.
+        constraint: usize,
+        /// Its pivot in the Schur complement, scaled to gradients and solutions of unit size.
+        ratio: f64,
+        /// The smallest ratio accepted.
+        limit: f64,
+    },
     /// The matrix is not positive definite, and only a definite matrix was accepted.
     #[error("the matrix is not positive definite{}", at_pivot(*.unknown))]
     Indefinite {

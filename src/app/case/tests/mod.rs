@@ -88,6 +88,16 @@ curve = "ramp"
 region = "gauge"
 value = [0.0, 0.0, -9810.0]
 
+[[constraint]]
+region = "gauge"
+volume = "constant"
+[[constraint]]
+cavity = ["left", "right"]
+name = "lumen"
+volume = [[0.0, 1], [1.0, 1.25]]
+method = "penalty"
+penalty = 50
+
 [steps]
 count = 20
 max_cuts = 4

@@ -11,6 +11,9 @@ fn names(list: &[&str]) -> Vec<String> {
 fn known_names_pass_and_the_star_covers_the_rest() {
     let case = Folder::new().parse(FULL).unwrap().case;
     case.check_names(&names(&["grip", "gauge"]), &names(&["left", "right", "sides"])).unwrap();
+    let clash = case.check_names(&names(&["grip", "gauge", "lumen"]), &names(&["left", "right"])).unwrap_err();
+    let clash = clash.to_string();
+    assert!(clash.contains("pull.toml:48: the constraint has the name of region \"lumen\" of the mesh"), "{clash}");
     assert!(matches!(case.material_of("gauge"), Some(RegionMaterial::FiberRve(_))));
     assert!(matches!(case.material_of("grip"), Some(RegionMaterial::Formula(_))));
 }
@@ -40,6 +43,13 @@ pull.toml:29: {no_right}
 pull.toml:41: the mesh {mesh} has no region \"gauge\"
   expected: a region of the mesh: \"guage\" or \"grip\"
   cure: did you mean \"guage\"?
+pull.toml:45: the mesh {mesh} has no region \"gauge\"
+  expected: a region of the mesh: \"guage\" or \"grip\"
+  cure: did you mean \"guage\"?
+pull.toml:48: the mesh {mesh} has no surface \"left\"
+  expected: a surface of the mesh: \"lefft\" or \"x1\"
+  cure: did you mean \"lefft\"?
+pull.toml:48: {no_right}
 pull.toml: region \"guage\" of the mesh {mesh} has no material
   expected: a [[region]] for every region of the mesh, or one of name \"*\" for the rest
   cure: add [[region]] with name = \"guage\" and its material

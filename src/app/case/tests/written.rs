@@ -30,6 +30,7 @@ fn placeless(mut case: Case) -> Case {
     case.boundaries.iter_mut().for_each(|each| each.line = 0);
     case.points.iter_mut().for_each(|each| each.line = 0);
     case.body_forces.iter_mut().for_each(|each| each.line = 0);
+    case.constraints.iter_mut().for_each(|each| each.line = 0);
     case
 }
 
@@ -66,6 +67,7 @@ fn written_case_reads_the_same_from_another_folder() {
             &boxed.replace(" }", ", element = \"hex8\" }\norder = 2\nhexahedra = 27"),
         ),
         FULL.replace("file = \"sample.msh\"", "file = \"sample.msh\"\norder = 2"),
+        format!("{SMALL}[[constraint]]\ncavity = \"a \\\" b\"\nvolume = \"constant\"\nmethod = \"penalty\"\n"),
         FULL.replace("file = \"sample.msh\"", &boxed.replace(" }", ", element = \"wedge6\" }\norder = 1")),
         FULL.replace(
             "file = \"sample.msh\"",

@@ -1,0 +1,128 @@
+//! The volume of a cavity enclosed by surfaces of the body.
+//!
+//! With the normal `n` that points out of the body, into the cavity, and the divergence theorem,
+//!
+//! ```text
+//! V       = -1/3 integral x . n da
+//! dV/du_a = -integral N_a n da
+//! ```
+//!
+//! The surface is closed, so that `V` does not depend on the origin and the change of `n da` contributes as much to `dV` as
+//! twice the motion of `x` (G. A. Holzapfel, *Nonlinear Solid Mechanics*, 2000, section 8.3; the identity is exact here,
+//! because the quadrature rules of all faces integrate the polynomials exactly). Hence `p dV/du` is the force of a
+//! follower pressure `p` on the wall, and its derivative is symmetric although that of a single face is not.
+
+use crate::fem::boundary::{add_pressure_stiffness, find_surface, unmatched_edges};
+use crate::fem::element::FaceType;
+use crate::fem::mesh::{Faces, Mesh};
+
+use super::error::{ConstraintError, OpenEdge};
+
+/// The surfaces that enclose a cavity.
+#[derive(Clone, Debug)]
+pub struct Cavity {
+    /// The faces of all surfaces.
+    faces: Faces,
+    /// The number of each surface in [`Mesh::surfaces`] and its faces.
+    surfaces: Vec<(usize, Faces)>,
+    /// Positions of the nodes of the mesh in the reference state, m.
+    positions: Vec<[f64; 3]>,
+}
+
+impl Cavity {
+    /// Resolves the surfaces of a constraint and checks that they enclose a cavity.
+    pub(super) fn new(mesh: &Mesh, constraint: &str, names: &[String]) -> Result<Self, ConstraintError> {
+        let mut surfaces = Vec::with_capacity(names.len());
+        let mut faces = Faces::default();
+        for name in names {
+            let (number, surface) = find_surface(mesh, name)
+                .map_err(|reason| ConstraintError::Unknown { constraint: constraint.to_owned(), reason })?;
+            faces.extend(&surface.faces);
+            surfaces.push((number, surface.faces.clone()));
+        }
+        let cavity = Self { faces, surfaces, positions: mesh.nodes().to_vec() };
+        cavity.check_closed(constraint)?;
+        let volume = cavity.volume(&vec![[0.0; 3]; mesh.nodes().len()]);
+        // A NaN is no volume either.
+        if volume > 0.0 {
+            Ok(cavity)
+        } else {
+            Err(ConstraintError::NotACavity { constraint: constraint.to_owned(), volume })
+        }
+    }
+
+    fn check_closed(&self, constraint: &str) -> Result<(), ConstraintError> {
+        /// More edges do not help to find the gap.
+        const SHOWN: usize = 3;
+        let open = unmatched_edges(&self.faces);
+        if open.is_empty() {
+            return Ok(());
+        }
+        let of_edge = |&(nodes, faces): &([u32; 2], usize)| {
+            let positions = nodes.map(|node| self.positions[node as usize]);
+            OpenEdge { nodes, positions, faces }
+        };
+        let edges = open.iter().take(SHOWN).map(of_edge).collect();
+        Err(ConstraintError::Open { constraint: constraint.to_owned(), edges, count: open.len() })
+    }
+
+    /// Returns the faces.
+    pub fn faces(&self) -> &Faces {
+        &self.faces
+    }
+
+    fn current(&self, nodes: &[u32], displacements: &[[f64; 3]]) -> Vec<[f64; 3]> {
+        let at = |node: usize| std::array::from_fn(|i| self.positions[node][i] + displacements[node][i]);
+        nodes.iter().map(|&node| at(node as usize)).collect()
+    }
+
+    /// Returns the volume at these displacements of the nodes, m^3. Positions are relative to a node of the surface, so
+    /// that the rounding errors are those of the size of the cavity.
+    pub fn volume(&self, displacements: &[[f64; 3]]) -> f64 {
+        let Some(&origin) = self.faces.iter().next().and_then(|nodes| nodes.first()) else { return 0.0 };
+        let origin = self.current(&[origin], displacements)[0];
+        let mut sum = 0.0;
+        for (face_type, nodes) in self.faces.typed() {
+            let mut current = self.current(nodes, displacements);
+            current.iter_mut().for_each(|x| *x = std::array::from_fn(|i| x[i] - origin[i]));
+            face_type.integrate(&current, |values, area| {
+                for (value, x) in values.iter().zip(&current) {
+                    sum += value * (x[0] * area[0] + x[1] * area[1] + x[2] * area[2]);
+                }
+            });
+        }
+        -sum / 3.0
+    }
+
+    /// Adds `dV/du` at these displacements, m^2, to `gradient`, which has one entry per node of the mesh.
+    pub fn add_gradient(&self, displacements: &[[f64; 3]], gradient: &mut [[f64; 3]]) {
+        for (face_type, nodes) in self.faces.typed() {
+            face_type.integrate(&self.current(nodes, displacements), |values, area| {
+                for (&node, value) in nodes.iter().zip(values) {
+                    gradient[node as usize].iter_mut().zip(area).for_each(|(sum, a)| *sum -= value * a);
+                }
+            });
+        }
+    }
+
+    /// Adds `-p d^2V/du^2` of one face, N/m, to the row-major square `block` of its nodes. Only the sum over all faces is
+    /// symmetric.
+    pub fn add_stiffness(&self, pressure: f64, displacements: &[[f64; 3]], face: usize, block: &mut [f64]) {
+        let Some((face_type, nodes)) = self.faces.get(face) else { return };
+        add_pressure_stiffness(face_type, &self.current(nodes, displacements), |_| pressure, block);
+    }
+
+    /// Returns the force of a pressure in the cavity on each surface, N, with the number of the surface.
+    pub fn resultants(&self, pressure: f64, displacements: &[[f64; 3]]) -> Vec<(usize, [f64; 3])> {
+        let of_surface = |(number, faces): &(usize, Faces)| {
+            let mut sum = [0.0; 3];
+            for (face_type, nodes) in faces.typed() {
+                FaceType::integrate(face_type, &self.current(nodes, displacements), |_, area| {
+                    sum.iter_mut().zip(area).for_each(|(sum, area)| *sum -= pressure * area);
+                });
+            }
+            (*number, sum)
+        };
+        self.surfaces.iter().map(of_surface).collect()
+    }
+}
