@@ -117,7 +117,7 @@ fn another_version_of_the_format_is_named() {
     fs::write(&path, sealed(&body)).unwrap();
     let error = simulation().resume(dir.path()).unwrap_err();
     assert!(
-        matches!(error, ResumeError::Checkpoint(CheckpointError::Version { found: 6, expected: 5, .. })),
+        matches!(error, ResumeError::Checkpoint(CheckpointError::Version { found: 7, expected: 6, .. })),
         "{error}"
     );
 }
