@@ -6,7 +6,7 @@ use biotissue::backends::sparse::Sparse;
 use biotissue::fem::boundary::{Conditions, LoadCurve, PointCondition, PointLocation};
 use biotissue::fem::element::ElementType;
 use biotissue::fem::material::NeoHookean;
-use biotissue::fem::mesh::{Mesh, shapes};
+use biotissue::fem::mesh::shapes;
 use biotissue::fem::point_field::FormulaField;
 use biotissue::fem::stepping::{StepParams, Stepper};
 
