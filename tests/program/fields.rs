@@ -228,14 +228,15 @@ fn loads_given_by_expressions_act_as_their_integrals() {
     let folder = folder.path();
     let material = "model = \"neo-hookean\", youngs_modulus = 1.0e5, poisson_ratio = 0.3";
     let case = BAR.replace("CELLS", "2").replace("MATERIAL", material);
-    write(folder, "case.toml", &case.replace("[2.0, 0.0, 0.0]", "[\"1e3*t*z\", 0.0, 4.0]"));
+    write(folder, "case.toml", &case.replace("[2.0, 0.0, 0.0]", "[\"1e3*t*z\", \"8*z\", 4.0]"));
     line(folder, "run case.toml --out out").done();
     let loads = Loads::read(&folder.join("out/loads.csv")).unwrap();
     let column = loads.names.surfaces.iter().position(|name| name == "x1").unwrap();
     for (row, t) in loads.rows.iter().filter(|row| row.step > 0).zip([0.5, 1.0]) {
-        let [fx, _, fz] = row.surfaces[column].force;
-        // int z dA = 0.25 / 4; the number 4 follows the ramp.
-        assert!((fx / (1.0e3 * t * 0.0625) - 1.0).abs() < 1e-12 && (fz / (t * 1.0) - 1.0).abs() < 1e-12, "{fx} {fz}");
+        let [fx, fy, fz] = row.surfaces[column].force;
+        // int z dA = 0.25 / 4; values without t follow the ramp.
+        assert!((fx / (1.0e3 * t * 0.0625) - 1.0).abs() < 1e-12 && (fz / t - 1.0).abs() < 1e-12, "{fx} {fz}");
+        assert!((fy / (0.5 * t) - 1.0).abs() < 1e-12, "{fy}");
     }
 }
 
