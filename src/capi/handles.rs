@@ -298,7 +298,10 @@ pub(super) fn solve_error<F: std::error::Error>(error: SolveError<F>) -> Failure
         | SolveError::TooLarge(_) => LAS_SIZE,
         SolveError::Parameter(_) => LAS_ARGUMENT,
         SolveError::NotFactored => LAS_NOT_FACTORED,
-        SolveError::Singular { .. } | SolveError::ZeroDiagonal { .. } | SolveError::Indefinite { .. } => LAS_SINGULAR,
+        SolveError::Singular { .. }
+        | SolveError::ZeroDiagonal { .. }
+        | SolveError::Indefinite { .. }
+        | SolveError::SingularBorder { .. } => LAS_SINGULAR,
         SolveError::NotConverged { .. }
         | SolveError::Inaccurate { .. }
         | SolveError::NotFinite { .. }
