@@ -41,9 +41,10 @@ pub enum EquilibriumError<E, F> {
     /// of times that equilibrium was restored.
     #[error("points still change their material after equilibrium was restored {0} times at this load")]
     StillChanging(usize),
-    /// The loads do not balance, although the body has only the supports against free rigid-body modes.
+    /// The loads do not balance on the deformed body, and nothing but the supports against free rigid-body modes holds
+    /// it.
     #[error(
-        "the loads do not balance: a support against a rigid-body mode exerts {force:.3e} N (at most {limit:.3e} N are due to rounding and the tolerance)"
+        "the forces or moments of the loads do not balance on the deformed body: a support against a rigid-body mode exerts {force:.3e} N (at most {limit:.3e} N are due to rounding and the tolerance)"
     )]
     UnbalancedLoads {
         /// The largest force component, N.
@@ -88,7 +89,8 @@ pub struct BodyState {
     pub gradients: Vec<Matrix3<f64>>,
     /// Energy, stress and tangent of each point.
     pub responses: PointResponses,
-    /// Internal force at each node, N, including prescribed components, and including the pressures of constrained regions.
+    /// Internal force at each node, N, including prescribed components, and including the pressures of constrained
+    /// regions.
     pub internal: Vec<[f64; 3]>,
     /// External force at each node, N, including the pressures of constrained cavities.
     pub external: Vec<[f64; 3]>,
@@ -250,11 +252,10 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
     }
 
     /// Checks that the forces of the trial state, as they are about to be committed and written, balance, and that the
-    /// constraints hold: the norm of the residual of the free unknowns and constraints, which Newton also uses, must not
-    /// exceed ten times the threshold at which
-    /// Newton stops with this tolerance. The internal forces are summed again from the stresses, so the check detects
-    /// stresses that changed after Newton converged; the factor allows for iterative solvers and other orders of
-    /// summation.
+    /// constraints hold: the norm of the residual of the free unknowns and constraints, which Newton also uses, must
+    /// not exceed ten times the threshold at which Newton stops with this tolerance. The internal forces are summed
+    /// again from the stresses, so the check detects stresses that changed after Newton converged; the factor allows
+    /// for iterative solvers and other orders of summation.
     ///
     /// # Errors
     /// Returns [`EquilibriumError::OutOfBalance`] if the residual is too large.
@@ -268,7 +269,7 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
         let residual = residual.hypot(self.volumes.residual(&self.trial.volumes));
         let limit = (tolerance * self.scale()).max(self.residual_floor());
         // A NaN residual also fails.
-        if residual <= FACTOR * limit {
+        if residual <= FACTOR * limit && self.constraints_hold(tolerance, FACTOR) {
             self.check_supports(FACTOR * limit)
         } else {
             Err(EquilibriumError::OutOfBalance { residual, limit })
@@ -315,8 +316,8 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
         Ok(self.field.revert()?)
     }
 
-    /// Commits the state with these displacements, motions and pressures at pseudo-time `t`, independently of the previously
-    /// committed one.
+    /// Commits the state with these displacements, motions and pressures at pseudo-time `t`, independently of the
+    /// previously committed one.
     pub(super) fn restore_at(
         &mut self,
         t: f64,
@@ -393,8 +394,8 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
         self.boundary.external_forces(trial.t, &trial.displacements, &mut trial.external);
     }
 
-    /// Adds the tangent stiffness of the points and of the loads at pseudo-time `t` to `k`, and that of the rigid surfaces
-    /// under the net forces in the work array.
+    /// Adds the tangent stiffness of the points and of the loads at pseudo-time `t` to `k`, and that of the rigid
+    /// surfaces under the net forces in the work array.
     fn add_tangent(&self, state: &BodyState, t: f64, k: &mut B::Matrix) -> Result<(), B::Error> {
         let BodyState { displacements, rigid, responses, .. } = state;
         self.assembler.stiffness(displacements, rigid, responses, k)?;
@@ -418,7 +419,8 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
     }
 }
 
-/// Writes the forces on nodes, at these motions of the rigid surfaces, into `r` at the free unknowns; overwrites `forces`.
+/// Writes the forces on nodes, at these motions of the rigid surfaces, into `r` at the free unknowns; overwrites
+/// `forces`.
 fn scatter<B: RealBackend>(
     assembler: &Assembler<B>,
     forces: &mut [[f64; 3]],
@@ -440,9 +442,9 @@ fn net_forces(state: &BodyState, net: &mut [[f64; 3]]) {
 impl<B: RealBackend, P: PointField> NonlinearProblem<B> for Equilibrium<B, P> {
     type Error = EquilibriumError<P::Error, B::Error>;
 
-    /// Evaluates `r = f_int - f_ext` of the free unknowns, N. The scale is the larger norm of the two over all nodes, or
-    /// that of the forces of a constraint; the floor is [`Assembler::rounding_error`] of the undeformed body, and the
-    /// rounding of the constrained volumes.
+    /// Evaluates `r = f_int - f_ext` of the free unknowns, N. The scale is the larger norm of the two over all nodes,
+    /// or that of the forces of a constraint; the floor is [`Assembler::rounding_error`] of the undeformed body, and
+    /// the rounding of the constrained volumes.
     fn residual(&mut self, r: &mut B::Vector) -> Result<ResidualScale, Self::Error> {
         self.evaluate_points()?;
         // The forces of dead loads are those of `begin_step`.
@@ -464,13 +466,17 @@ impl<B: RealBackend, P: PointField> NonlinearProblem<B> for Equilibrium<B, P> {
         self.advance_displacements(a, d).map_err(EquilibriumError::Backend)
     }
 
+    fn is_settled(&self, tolerance: f64) -> bool {
+        self.constraints_hold(tolerance, 1.0)
+    }
+
     fn is_final(error: &Self::Error) -> bool {
         match error {
             EquilibriumError::PointField(error) => P::is_final(error),
-            EquilibriumError::Backend(_) => true,
+            // Smaller increments end in states that are out of balance too.
+            EquilibriumError::Backend(_) | EquilibriumError::UnbalancedLoads { .. } => true,
             EquilibriumError::OffBranch(_)
             | EquilibriumError::StillChanging(_)
-            | EquilibriumError::UnbalancedLoads { .. }
             | EquilibriumError::VolumeNotReached { .. }
             | EquilibriumError::OutOfBalance { .. } => false,
         }

@@ -24,9 +24,9 @@
 //! prescribed components are left out of `r` and `K`; their entries of `f_int - f_ext` are the reaction forces.
 //!
 //! # F-bar
-//! The elements of a patch ([`Mesh::patches`](super::mesh::Mesh::patches)) share one dilatation `J0`, that of the center
-//! of a hexahedron, or the volume of all tetrahedra of the patch over their reference volume. The constitutive model
-//! gets
+//! The elements of a patch ([`Mesh::patches`](super::mesh::Mesh::patches)) share one dilatation `J0`, that of the
+//! center of a hexahedron, or the volume of all tetrahedra of the patch over their reference volume. The constitutive
+//! model gets
 //!
 //! ```text
 //! F_bar = a F,    a = (J0 / J)^(1/3),    J = det F,
@@ -44,8 +44,8 @@
 //! unsymmetric, because the method does not derive from an energy.
 //!
 //! # Order
-//! Elements are added in mesh order, their points, nodes and components in local order, so every run adds the same terms
-//! in the same order.
+//! Elements are added in mesh order, their points, nodes and components in local order, so every run adds the same
+//! terms in the same order.
 
 mod f_bar;
 mod geometry;
@@ -102,8 +102,8 @@ struct StateMap<'a> {
 
 /// The elements of a block with rows on this rank.
 struct LocalBlock<B: Backend> {
-    /// The numbers within the block of those whose unknowns are the components at their nodes, ascending; all elements on
-    /// a serial backend if the body has neither frames nor rigid surfaces.
+    /// The numbers within the block of those whose unknowns are the components at their nodes, ascending; all elements
+    /// on a serial backend if the body has neither frames nor rigid surfaces.
     elements: Vec<u32>,
     /// The square of three times the number of nodes per element, row-major.
     entry_positions: Vec<B::Slot>,
@@ -215,8 +215,8 @@ impl<B: RealBackend> Assembler<B> {
         Ok(())
     }
 
-    /// Returns the positions of the entries that couple nodes, in the order of [`Kinematics::rows`]; `None` if none of the
-    /// rows is on this rank.
+    /// Returns the positions of the entries that couple nodes, in the order of [`Kinematics::rows`]; `None` if none of
+    /// the rows is on this rank.
     fn locate_nodes(&self, nodes: &[u32], matrix: &B::Matrix) -> Result<Option<Vec<B::Slot>>, B::Error> {
         let rows = self.kinematics.rows(nodes).into_iter().flat_map(|rows| match rows {
             Rows::Node(node) => &self.equation_numbers[3 * node as usize..][..3],
@@ -443,9 +443,10 @@ impl<B: RealBackend> Assembler<B> {
     /// Estimates the rounding error of the internal forces, N; a smaller residual is zero up to rounding.
     ///
     /// `F = I + du/dX` is rounded to `eps`, whatever the displacement gradient, and hence the stress to `|A| eps`. The
-    /// contribution of a point to the force on node `a` is then wrong by about `V |A| |grad N_a| eps`; that to the stiffness of
-    /// the node is of size `V |grad N_a|^2 |A|`. These errors are independent, so their squares add up. With a factor of
-    /// 8, as at the micro scale, the estimate is `8 eps sqrt(sum_q sum_a (V |A| |grad N_a|)^2)` in Frobenius norms.
+    /// contribution of a point to the force on node `a` is then wrong by about `V |A| |grad N_a| eps`; that to the
+    /// stiffness of the node is of size `V |grad N_a|^2 |A|`. These errors are independent, so their squares add up.
+    /// With a factor of 8, as at the micro scale, the estimate is `8 eps sqrt(sum_q sum_a (V |A| |grad N_a|)^2)` in
+    /// Frobenius norms.
     pub fn rounding_error(&self, tangent: &[SMatrix<f64, 9, 9>]) -> f64 {
         let blocks = self.geometry.blocks.iter();
         let squares: f64 = blocks.map(|block| with_block!(block, b => b.squared_errors(tangent))).sum();

@@ -1,7 +1,7 @@
 //! Boundary conditions: named [`Conditions`], resolved on a mesh into a [`Boundary`].
 //!
-//! A condition prescribes displacements, makes a surface rigid, or is a [`Load`]. A new load is a new file that implements
-//! [`LoadCondition`] and [`Load`]; nothing else in [`fem`](crate::fem) depends on the kind of load.
+//! A condition prescribes displacements, makes a surface rigid, or is a [`Load`]. A new load is a new file that
+//! implements [`LoadCondition`] and [`Load`]; nothing else in [`fem`](crate::fem) depends on the kind of load.
 //!
 //! # Shared nodes
 //! Two surfaces with prescribed displacements may share a node and prescribe the same component there. Equal values
@@ -142,8 +142,8 @@ impl Boundary {
         mask
     }
 
-    /// Returns which displacement components along x, y and z of the `nodes` nodes cannot change: prescribed ones, except
-    /// those of nodes that move along inclined planes or with a rigid surface.
+    /// Returns which displacement components along x, y and z of the `nodes` nodes cannot change: prescribed ones,
+    /// except those of nodes that move along inclined planes or with a rigid surface.
     ///
     /// # Panics
     /// Panics if `nodes` is less than the number of nodes of the mesh.
@@ -185,8 +185,8 @@ impl Boundary {
         supports.map(|component| (component.node, component.component))
     }
 
-    /// Returns the conditions on rigid-body motions that follow from prescribed displacements, rigid surfaces, and loads
-    /// that support the body.
+    /// Returns the conditions on rigid-body motions that follow from prescribed displacements, rigid surfaces, and
+    /// loads that support the body.
     ///
     /// # Panics
     /// Panics if the mesh is not that of the conditions.
@@ -238,8 +238,8 @@ impl Boundary {
         self.loads.iter().any(|load| !load.coupled_nodes().is_none())
     }
 
-    /// Returns the symmetry of the tangent: the weakest of `body`, of the loads that depend on the displacements, and of
-    /// rigid surfaces that can rotate, which may make the tangent indefinite.
+    /// Returns the symmetry of the tangent: the weakest of `body`, of the loads that depend on the displacements, and
+    /// of rigid surfaces that can rotate, which may make the tangent indefinite.
     pub fn symmetry(&self, body: Symmetry) -> Symmetry {
         let rotates = self.rigid.iter().any(|rigid| rigid.prescribed()[3..].contains(&false));
         let body = if rotates && body == Symmetry::Definite { Symmetry::Symmetric } else { body };
@@ -321,8 +321,8 @@ impl Boundary {
     }
 }
 
-/// Returns the normals of the inclined planes of each node; the displacements normal to the other planes are components,
-/// which are prescribed.
+/// Returns the normals of the inclined planes of each node; the displacements normal to the other planes are
+/// components, which are prescribed.
 fn symmetry_planes(
     mesh: &Mesh,
     names: &[String],
@@ -369,7 +369,8 @@ fn rigid_surfaces(
             if let Some(other) = owner.insert(node, number) {
                 return Err(conflict(Source::Surface(other)));
             }
-            if let Some(plane) = planes.remove(&node).unwrap_or_default().first() {
+            let of_node = planes.remove(&node).unwrap_or_default();
+            if let Some(plane) = of_node.iter().find(|plane| !rigid.holds_along(&plane.along)) {
                 return Err(conflict(plane.source));
             }
             if let Some(other) = prescribed.take(node).iter().find(|component| !rigid.agrees_with(component)) {
