@@ -1,25 +1,23 @@
 //! Equilibrium of the body as a nonlinear problem: find the displacements at which internal and external forces
 //! balance.
 
+mod checks;
 mod constraints;
+mod linearize;
 
 use std::sync::Arc;
-use std::time::Instant;
 
 use nalgebra::Matrix3;
 use thiserror::Error;
 
 use super::assembly::Assembler;
-use super::boundary::{Boundary, Source};
+use super::boundary::Boundary;
 use super::constraint::{Constraints, VolumeState};
 use super::kinematics::RigidMotion;
 use super::mesh::Mesh;
 use super::point_field::{PointField, PointResponses};
 use super::reactions::BoundaryForces;
-use crate::las::{
-    Backend, Border, MatrixOps, NewtonSeconds, NewtonSystem, NonlinearProblem, RealBackend, ResidualScale, SolveError,
-    Solver, VectorOps,
-};
+use crate::las::{Backend, Border, NonlinearProblem, RealBackend, ResidualScale, VectorOps};
 use constraints::Volumes;
 
 /// The reason why the body has no residual at a state, or why a state cannot be committed.
@@ -251,45 +249,6 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
         self.trial.volumes.copy_from_slice(&self.committed.volumes);
     }
 
-    /// Checks that the forces of the trial state, as they are about to be committed and written, balance, and that the
-    /// constraints hold: the norm of the residual of the free unknowns and constraints, which Newton also uses, must
-    /// not exceed ten times the threshold at which Newton stops with this tolerance. The internal forces are summed
-    /// again from the stresses, so the check detects stresses that changed after Newton converged; the factor allows
-    /// for iterative solvers and other orders of summation.
-    ///
-    /// # Errors
-    /// Returns [`EquilibriumError::OutOfBalance`] if the residual is too large.
-    pub(super) fn check_balance(&mut self, tolerance: f64) -> Result<(), EquilibriumError<P::Error, B::Error>> {
-        const FACTOR: f64 = 10.0;
-        let trial = &mut self.trial;
-        self.assembler.internal_forces(&trial.displacements, &trial.responses.pk1, &mut trial.internal);
-        self.add_region_forces();
-        self.set_net_forces();
-        let residual = self.assembler.free_norm(&mut self.nodal, &self.trial.rigid);
-        let residual = residual.hypot(self.volumes.residual(&self.trial.volumes));
-        let limit = (tolerance * self.scale()).max(self.residual_floor());
-        // A NaN residual also fails.
-        if residual <= FACTOR * limit && self.constraints_hold(tolerance, FACTOR) {
-            self.check_supports(FACTOR * limit)
-        } else {
-            Err(EquilibriumError::OutOfBalance { residual, limit })
-        }
-    }
-
-    /// Checks that the supports against free rigid-body modes exert no force on the body. If the loads balance, these
-    /// forces are sums over all nodes of the residual, whose norm is at most `residual`.
-    fn check_supports(&self, residual: f64) -> Result<(), EquilibriumError<P::Error, B::Error>> {
-        let mut force: f64 = 0.0;
-        self.boundary.reactions(&self.trial.internal, &self.trial.external, |source, reaction| {
-            if source == Source::FreeMode {
-                force = reaction.iter().fold(force, |most, component| most.max(component.abs()));
-            }
-        });
-        // By the inequality of Cauchy and Schwarz; the factor allows for the lever arms of rotations.
-        let limit = 10.0 * residual * (self.trial.displacements.len() as f64).sqrt();
-        if force <= limit { Ok(()) } else { Err(EquilibriumError::UnbalancedLoads { force, limit }) }
-    }
-
     /// Writes internal minus external forces of the trial state into the work array.
     fn set_net_forces(&mut self) {
         net_forces(&self.trial, &mut self.nodal);
@@ -344,48 +303,6 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
         self.boundary.apply_prescribed(t, &mut self.trial.displacements, &mut self.trial.rigid);
         self.set_targets();
         self.evaluate_external_forces();
-    }
-
-    /// Starts a step to pseudo-time `t` from the linearization of the committed state: solves
-    /// `K du = f_ext(t) - f_int - K_fc dg` with the tangent stiffness `K` of the committed state and the increments
-    /// `dg` of the prescribed displacements. From the undeformed body this is the linear-elastic solution. `f_ext` is
-    /// evaluated with `dg` applied, so `K_fc` is the stiffness of the elements alone. Constraints border this system.
-    ///
-    /// # Errors
-    /// Returns the [`SolveError`] of the solver; the trial state is then as [`Equilibrium::begin_step`] leaves it.
-    pub fn linearize(&mut self, t: f64, system: &mut NewtonSystem<B>) -> Result<NewtonSeconds, SolveError<B::Error>> {
-        self.begin_step(t);
-        if system.residual.is_empty() {
-            return Ok(NewtonSeconds::default());
-        }
-        let start = Instant::now();
-        let moved = self.trial.displacements.iter().zip(&self.committed.displacements);
-        let increments: Vec<[f64; 3]> = moved.map(|(new, old)| std::array::from_fn(|i| new[i] - old[i])).collect();
-        let BodyState { displacements, responses, .. } = &self.committed;
-        self.assembler.linearized_forces(displacements, responses, &increments, &mut self.nodal);
-        self.linearize_constraint_forces(&increments);
-        for ((force, external), internal) in
-            self.nodal.iter_mut().zip(&self.trial.external).zip(&self.committed.internal)
-        {
-            *force = std::array::from_fn(|i| external[i] - internal[i] - force[i]);
-        }
-        scatter(&self.assembler, &mut self.nodal, &self.committed.rigid, &mut system.residual)?;
-        self.linearize_constraints(&increments, system)?;
-        net_forces(&self.committed, &mut self.nodal);
-        let loaded = Instant::now();
-        system.matrix.assemble(|k| self.add_tangent(&self.committed, t, k))?;
-        let assembled = Instant::now();
-        system.solver.factor(&system.matrix)?;
-        let factored = Instant::now();
-        system.solve_linear()?;
-        self.advance_pressures(1.0, &system.border.increments);
-        self.advance_displacements(1.0, &system.direction)?;
-        Ok(NewtonSeconds {
-            residual: (loaded - start).as_secs_f64(),
-            jacobian: (assembled - loaded).as_secs_f64(),
-            factor: (factored - assembled).as_secs_f64(),
-            solve: factored.elapsed().as_secs_f64(),
-        })
     }
 
     /// Evaluates the external forces of the trial state.

@@ -50,6 +50,7 @@
 mod f_bar;
 mod geometry;
 pub mod local;
+mod unknown_map;
 mod unknowns;
 mod volume;
 
@@ -63,11 +64,12 @@ pub use unknowns::Unknowns;
 pub use volume::volume_tangent;
 
 use super::boundary::Load;
-use super::kinematics::{Kinematics, RigidDerivatives, RigidMotion, Rows};
+use super::kinematics::{Kinematics, RigidMotion, Rows};
 use super::point_field::PointResponses;
-use crate::las::{Backend, Index, MatrixOps, RealBackend, VectorOps};
+use crate::las::{Backend, Index, MatrixOps, RealBackend};
 use f_bar::{PatchTangents, tangents};
 use geometry::{Block, with_block};
+use unknown_map::StateMap;
 use volume::CavityFace;
 
 /// Geometry and matrix positions of all elements, computed once; integrates and scatters at every state.
@@ -92,12 +94,6 @@ pub struct Assembler<B: Backend> {
     local_patches: Vec<(usize, Vec<B::Slot>)>,
     /// The faces of constrained cavities with rows on this rank.
     cavity_faces: Vec<CavityFace<B::Slot>>,
-}
-
-/// The derivatives of displacements by the unknowns of rigid surfaces, at one state of the body.
-struct StateMap<'a> {
-    kinematics: &'a Kinematics,
-    derivatives: Vec<RigidDerivatives>,
 }
 
 /// The elements of a block with rows on this rank.
@@ -225,11 +221,6 @@ impl<B: RealBackend> Assembler<B> {
         locate_rows::<B>(&rows.copied().collect::<Vec<_>>(), matrix)
     }
 
-    /// Returns the map from unknowns to displacements at these motions of the rigid surfaces.
-    fn state_map(&self, motions: &[RigidMotion]) -> StateMap<'_> {
-        StateMap { kinematics: &self.kinematics, derivatives: self.kinematics.derivatives(motions) }
-    }
-
     /// Returns the volumes and shape-function gradients of all points.
     pub fn geometry(&self) -> &Geometry {
         &self.geometry
@@ -274,66 +265,6 @@ impl<B: RealBackend> Assembler<B> {
         for block in &self.geometry.blocks {
             with_block!(block, b => b.add_internal_forces(&pk1, forces));
         }
-    }
-
-    /// Adds the `forces` on nodes, N, at these motions of the rigid surfaces, to `r` at the free unknowns; drops the
-    /// forces of prescribed components. The forces on nodes with frames are replaced by their components along the
-    /// frames.
-    ///
-    /// # Errors
-    /// Returns the error of the backend.
-    ///
-    /// # Panics
-    /// Panics if `forces` has fewer nodes than the mesh.
-    pub fn scatter(&self, forces: &mut [[f64; 3]], motions: &[RigidMotion], r: &mut B::Vector) -> Result<(), B::Error> {
-        let of_rigid_surfaces = self.kinematics.rigid_forces(motions, forces);
-        self.kinematics.to_frames(forces);
-        r.add(&self.equation_numbers, forces.as_flattened())?;
-        self.rigid_equations.iter().zip(&of_rigid_surfaces).try_for_each(|(rows, forces)| r.add(rows, forces))
-    }
-
-    /// Returns the norm of the forces on nodes, N, at the free unknowns, as [`Assembler::scatter`] adds them.
-    ///
-    /// # Panics
-    /// Panics if `forces` has fewer nodes than the mesh.
-    pub fn free_norm(&self, forces: &mut [[f64; 3]], motions: &[RigidMotion]) -> f64 {
-        let of_rigid_surfaces = self.kinematics.rigid_forces(motions, forces);
-        self.kinematics.to_frames(forces);
-        let of_nodes = self.equation_numbers.iter().zip(forces.as_flattened());
-        let of_surfaces = self.rigid_equations.as_flattened().iter().zip(of_rigid_surfaces.as_flattened());
-        let free = of_nodes.chain(of_surfaces).filter(|(equation, _)| equation.position().is_some());
-        free.map(|(_, force)| force * force).sum::<f64>().sqrt()
-    }
-
-    /// Adds `a` times the `direction` of the unknowns to the displacements of all nodes, m, and to the motions of the
-    /// rigid surfaces. `nodal` is overwritten; it has one entry per node.
-    ///
-    /// # Errors
-    /// Returns the error of the backend.
-    ///
-    /// # Panics
-    /// Panics if `displacements` or `nodal` has fewer nodes than the mesh.
-    pub fn advance(
-        &self,
-        a: f64,
-        direction: &B::Vector,
-        displacements: &mut [[f64; 3]],
-        motions: &mut [RigidMotion],
-        nodal: &mut [[f64; 3]],
-    ) -> Result<(), B::Error> {
-        // `get` does not write prescribed components; they stay at zero.
-        nodal.fill([0.0; 3]);
-        direction.get(&self.equation_numbers, nodal.as_flattened_mut())?;
-        self.kinematics.from_frames(nodal);
-        for (u, d) in displacements.as_flattened_mut().iter_mut().zip(nodal.as_flattened()) {
-            *u += a * d;
-        }
-        let mut increments = vec![[0.0; 6]; self.rigid_equations.len()];
-        for (rows, increments) in self.rigid_equations.iter().zip(&mut increments) {
-            direction.get(rows, increments)?;
-        }
-        self.kinematics.advance(a, &increments, motions, displacements);
-        Ok(())
     }
 
     /// Computes the first-order change `K du` of the internal forces, N, for the displacement `increments` of all
@@ -390,24 +321,6 @@ impl<B: RealBackend> Assembler<B> {
         Ok(())
     }
 
-    /// Adds the geometric stiffness of the rigid surfaces, N/m, to `k`, from the forces on all nodes, N: internal minus
-    /// external.
-    ///
-    /// # Errors
-    /// Returns the error of the backend.
-    ///
-    /// # Panics
-    /// Panics if `forces` has fewer nodes than the mesh.
-    pub fn rigid_stiffness(
-        &self,
-        motions: &[RigidMotion],
-        forces: &[[f64; 3]],
-        k: &mut B::Matrix,
-    ) -> Result<(), B::Error> {
-        let blocks = self.kinematics.geometric_stiffness(motions, forces);
-        self.local_rigid.iter().try_for_each(|(surface, positions)| k.add_at(positions, &blocks[*surface]))
-    }
-
     fn patch_tangents(&self, displacements: &[[f64; 3]], responses: &PointResponses) -> Option<PatchTangents> {
         self.has_patches().then(|| tangents(&self.geometry.patches, displacements, responses))
     }
@@ -451,16 +364,6 @@ impl<B: RealBackend> Assembler<B> {
         let blocks = self.geometry.blocks.iter();
         let squares: f64 = blocks.map(|block| with_block!(block, b => b.squared_errors(tangent))).sum();
         8.0 * f64::EPSILON * squares.sqrt()
-    }
-}
-
-impl StateMap<'_> {
-    /// Returns the stiffness of a group of nodes by their unknowns, row-major in the order of [`Kinematics::rows`].
-    fn condense<'s>(&self, nodes: &[u32], stiffness: &'s [f64]) -> Cow<'s, [f64]> {
-        if self.kinematics.are_plain(nodes) {
-            return Cow::Borrowed(stiffness);
-        }
-        Cow::Owned(self.kinematics.condense(nodes, stiffness, &self.derivatives))
     }
 }
 

@@ -14,7 +14,8 @@
 use nalgebra::{Matrix3, SMatrix};
 
 use super::geometry::{Block, Geometry, with_block};
-use super::{Assembler, LocalBlock, StateMap, local};
+use super::unknown_map::StateMap;
+use super::{Assembler, LocalBlock, local};
 use crate::fem::constraint::Constraints;
 use crate::fem::kinematics::RigidMotion;
 use crate::las::{MatrixOps, RealBackend};
