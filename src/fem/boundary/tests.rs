@@ -33,7 +33,7 @@ fn a_shared_edge_belongs_to_the_first_condition() {
     // x1 and y0 share an edge and prescribe different x-displacements.
     let error = Boundary::new(&box_2x1x1(), &conditions).unwrap_err();
     match error {
-        BoundaryError::Conflict { node, component: 0, first, second, first_value, second_value } => {
+        BoundaryError::Conflict { node, component: 0, first, second, first_value, second_value, .. } => {
             assert_eq!((first.as_str(), second.as_str()), ("surface `y0`", "surface `x1`"));
             assert_eq!((first_value, second_value), (0.0, 0.5));
             assert_eq!(box_2x1x1().nodes()[node][..2], [2.0, 0.0]);
@@ -279,6 +279,123 @@ fn functions_with_the_same_formula_agree_at_shared_nodes() {
     assert!(Boundary::new(&mesh, &on_surfaces(vec![moved("x1", 5.0), moved("y1", 5.0)])).is_ok());
     let other = Boundary::new(&mesh, &on_surfaces(vec![moved("x1", 5.0), moved("y1", 6.0)])).unwrap_err();
     assert!(matches!(other, BoundaryError::Conflict { .. }), "{other}");
+}
+
+#[test]
+fn displacements_that_agree_at_all_times_are_no_conflict() {
+    let mesh = box_2x1x1();
+    let on = |value, curve: &LoadCurve| [curve.clone(), LoadCurve::Ramp].map(|curve| (value, curve));
+    let of = |[(first, one), (second, other)]: [(f64, LoadCurve); 2]| {
+        let moved =
+            |name: &str, value, curve| SurfaceCondition { curve, ..prescribed_at(name, [None, Some(value), None]) };
+        Boundary::new(&mesh, &on_surfaces(vec![moved("x1", first, one), moved("z1", second, other)]))
+    };
+    let ramp = LoadCurve::table(&[[0.0, 0.0], [0.25, 0.25], [1.0, 1.0]]).unwrap();
+    let bent = LoadCurve::table(&[[0.0, 0.0], [0.125, 0.1251], [1.0, 1.0]]).unwrap();
+    let short = LoadCurve::table(&[[0.0, 0.0], [0.404, 0.404], [0.405, 0.4], [0.406, 0.406], [1.0, 1.0]]).unwrap();
+    let linear = LoadCurve::Function(Arc::new(Timed(|t| t)));
+    let kinked = LoadCurve::Function(Arc::new(Timed(|t| if t > 0.5 { t * t } else { t })));
+    for curve in [&ramp, &linear] {
+        let [first, second] = on(0.5, curve);
+        assert!(of([first.clone(), second.clone()]).is_ok() && of([second, first]).is_ok(), "{curve:?}");
+    }
+    for curve in [&bent, &short, &kinked] {
+        let [first, second] = on(0.5, curve);
+        assert!(of([first.clone(), second.clone()]).is_err() && of([second, first]).is_err(), "{curve:?}");
+    }
+    // A function that is 0 at the nodes of another condition does not move them.
+    let never = LoadCurve::Function(Arc::new(Timed(|_| 0.0)));
+    assert!(of([(1.0, never), (0.0, LoadCurve::Ramp)]).is_ok());
+}
+
+/// A function of pseudo-time alone.
+struct Timed(fn(f64) -> f64);
+
+impl std::fmt::Debug for Timed {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Timed")
+    }
+}
+
+impl LoadFunction for Timed {
+    fn factor(&self, t: f64, _: [f64; 3]) -> f64 {
+        (self.0)(t)
+    }
+
+    fn depends_on_position(&self) -> bool {
+        false
+    }
+}
+
+#[test]
+fn messages_show_formulas_instead_of_values_at_a_factor_of_one() {
+    let mesh = box_2x1x1();
+    let moved = SurfaceCondition { curve: pole(5.0), ..prescribed_at("x1", [Some(1.0), None, None]) };
+    let twice = SurfaceCondition { curve: pole(5.0), ..prescribed_at("y1", [Some(2.0), None, None]) };
+    let held = prescribed_at("y0", [Some(0.0), None, None]);
+    let message = |surfaces| Boundary::new(&mesh, &on_surfaces(surfaces)).unwrap_err().to_string();
+    assert_eq!(
+        message(vec![held, moved.clone()]),
+        "node 2 is given two x-displacements: 0e0 m by surface `y0` and \"t / (x - 5)\" m by surface `x1` (the number times its curve)"
+    );
+    let both = message(vec![moved.clone(), twice]);
+    assert!(both.ends_with("\"t / (x - 5)\" m by surface `x1` and 2e0 * \"t / (x - 5)\" m by surface `y1`"), "{both}");
+    let plane = Conditions { symmetry_planes: vec!["x1".into()], surfaces: vec![moved], ..Conditions::default() };
+    assert!(Boundary::new(&mesh, &plane).unwrap_err().to_string().contains("\"t / (x - 5)\" m by surface `x1`"));
+}
+
+#[test]
+fn values_are_checked_at_given_times_where_they_act() {
+    let mesh = box_2x1x1();
+    // Infinite at t = 0.5 everywhere, and at x = 0, which is not on x1.
+    let curve = LoadCurve::Function(Arc::new(Timed(|t| 1.0 / (t - 0.5))));
+    let unlike = |x: f64| LoadCurve::Function(Arc::new(Quotient(x)));
+    let pressed = |curve| with_load(Pressure { surface: "x1".into(), value: 1.0, curve });
+    let pulled = |curve| with_load(Traction { surface: "x1".into(), value: [0.0, 1.0, 0.0], curve });
+    let body = |curve| with_load(BodyForce { region: "*".into(), value: [0.0, 1.0, 0.0], curve });
+    let point = |curve| PointLoad { point: 0, place: PointLocation::Node(0), value: [1.0; 3], curve };
+    let moved = |curve| on_surfaces(vec![SurfaceCondition { curve, ..prescribed_at("x1", [Some(1.0), None, None]) }]);
+    let rigid = |curve: LoadCurve| {
+        let of = RigidCondition {
+            surface: "x1".into(),
+            reference: None,
+            displacement: [const { None }; 3],
+            rotation: [const { None }; 3],
+        };
+        let displacement = [Some(TimedValue { value: 1.0, curve }), None, None];
+        Conditions { rigid: vec![RigidCondition { displacement, ..of }], ..Conditions::default() }
+    };
+    let check = |conditions: Conditions| {
+        let boundary = Boundary::new(&mesh, &conditions).unwrap();
+        boundary.check_finite(&mesh, &[0.25, 0.75]).unwrap();
+        boundary.check_finite(&mesh, &[0.25, 0.5, 0.75])
+    };
+    for (place, conditions) in [
+        ("surface `x1`", pressed(curve.clone())),
+        ("surface `x1`", pulled(curve.clone())),
+        ("the body force on region `*`", body(curve.clone())),
+        ("point condition 1", with_load(point(curve.clone()))),
+        ("surface `x1`", moved(curve.clone())),
+        ("surface `x1`", rigid(curve.clone())),
+    ] {
+        match check(conditions) {
+            Err(BoundaryError::NotFiniteAt { place: found, t: 0.5, .. }) => assert_eq!(found, place),
+            other => panic!("{place}: {other:?}"),
+        }
+    }
+    for conditions in [pressed(unlike(0.0)), pulled(unlike(0.0)), moved(unlike(0.0)), rigid(unlike(0.0))] {
+        check(conditions).unwrap();
+    }
+}
+
+/// `t / (x - x0)`.
+#[derive(Debug)]
+struct Quotient(f64);
+
+impl LoadFunction for Quotient {
+    fn factor(&self, t: f64, [x, ..]: [f64; 3]) -> f64 {
+        t / (x - self.0)
+    }
 }
 
 #[test]
