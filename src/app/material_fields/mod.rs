@@ -139,6 +139,7 @@ fn formulas_of(body: &Body<'_>, field: &FieldFormula) -> Result<(Formulas, Vec<F
     let mut extents = vec![Extent::EMPTY; parameters.len() + 3 * axes.len()];
     let mut distinct = Distinct::default();
     let mut of_point = vec![PointFormulas::NONE; body.mesh.points().len()];
+    let (mut values, mut directions) = (Vec::<(&str, f64)>::new(), Vec::<Vector3<f64>>::new());
     let mut errors = FirstErrors::new(parameters.len() + axes.len() + 1);
     for &element in &elements {
         for point in body.mesh.points().of_element(element) {
@@ -146,9 +147,11 @@ fn formulas_of(body: &Body<'_>, field: &FieldFormula) -> Result<(Formulas, Vec<F
             let at = |(k, parameter): (usize, &ParameterValues<'_>)| {
                 errors.first(k, || parameter.at(place).map(|value| (parameter.key, value)))
             };
-            let values: Vec<(&str, f64)> = parameters.iter().enumerate().filter_map(at).collect();
+            values.clear();
+            values.extend(parameters.iter().enumerate().filter_map(at));
             let along = |(k, axis): (usize, &AxisValues<'_>)| errors.first(parameters.len() + k, || axis.at(place));
-            let directions: Vec<Vector3<f64>> = axes.iter().enumerate().filter_map(along).collect();
+            directions.clear();
+            directions.extend(axes.iter().enumerate().filter_map(along));
             if !errors.is_empty() {
                 continue;
             }
