@@ -91,6 +91,10 @@ fn constants_given_as_expressions_are_the_numbers() {
     }
 }
 
+/// The nodes of [`CELLS`] in meters if a mesh unit is half a meter.
+const IN_METERS: &str =
+    "0 0 0 0.5 0 0 1 0 0  0 0.5 0 0.5 0.5 0 1 0.5 0  0 0 0.5 0.5 0 0.5 1 0 0.5  0 0.5 0.5 0.5 0.5 0.5 1 0.5 0.5";
+
 /// Two hexahedra side by side along x with a modulus and an axis each; the faces at both ends are `surface_2` and
 /// `surface_3`.
 const CELLS: &str = r#"<?xml version="1.0"?>
@@ -138,6 +142,9 @@ fn expressions_cells_and_columns_give_the_same_field() {
     let folder = folder.path();
     write(folder, "cells.vtu", CELLS);
     write(folder, "other.vtu", CELLS);
+    // As of a result file: in meters, while the mesh is in mesh units.
+    let meters = CELLS.replace("0 0 0 1 0 0 2 0 0  0 1 0 1 1 0 2 1 0  0 0 1 1 0 1 2 0 1  0 1 1 1 1 1 2 1 1", IN_METERS);
+    write(folder, "meters.vtu", &meters);
     write(folder, "fields.csv", "az, ax, ay, E\n0,2,0,1000\n0.5,0,0.5,2000\n");
     let sources = [
         ("\"1000*(1 + step(x - 1))\"", "[\"2*step(1 - x)\", \"step(x - 1)/2\", \"step(x - 1)/2\"]"),
@@ -154,6 +161,22 @@ fn expressions_cells_and_columns_give_the_same_field() {
         assert_eq!(text(folder, "again/loads.csv"), found[0]);
         assert_eq!(found[number], found[0], "{modulus}");
     }
+    let scaled = PULLED_CELLS.replace("file = \"cells.vtu\"", "file = \"cells.vtu\"\nscale = 0.5");
+    for source in
+        ["{ cells = \"E\" }", "{ file = \"other.vtu\", cells = \"E\" }", "{ file = \"meters.vtu\", cells = \"E\" }"]
+    {
+        write(folder, "case.toml", &scaled.replace("MODULUS", source).replace("AXIS", "{ cells = \"fiber\" }"));
+        line(folder, "check case.toml").done();
+    }
+    // The same cells in another order.
+    let reversed = CELLS.replace(
+        "0 6 9 3  0 1 4 3 6 7 10 9  2 5 11 8  1 2 5 4 7 8 11 10",
+        "0 6 9 3  1 2 5 4 7 8 11 10  2 5 11 8  0 1 4 3 6 7 10 9",
+    );
+    write(folder, "meters.vtu", &reversed);
+    let misplaced = "meters.vtu:4: the center of cell 1 lies at x = 7.500000e-1, y = 2.500000e-1, z = 2.500000e-1 m, that of element 0 of the mesh at x = 2.500000e-1,";
+    let other = scaled.replace("MODULUS", "{ file = \"meters.vtu\", cells = \"E\" }").replace("AXIS", "[1, 0, 0]");
+    assert_refused(folder, &other, misplaced);
     write(folder, "case.toml", &PULLED_CELLS.replace("MODULUS", "1000").replace("AXIS", "[1, 0, 0]"));
     line(folder, "run case.toml --out constant").done();
     assert_ne!(text(folder, "constant/loads.csv"), found[0]);
@@ -264,7 +287,19 @@ fn values_that_are_not_finite_or_out_of_range_are_refused() {
     assert_refused(folder, &loaded("[steps]", force), "case.toml:19: the body force on region `*`: the value at t = 0");
 
     let pole = "pressure = \"1/(t - 0.5)\"";
-    assert_refused(folder, &loaded(pull, pole), "case.toml:16: a load is not finite at t = 0.5, the end of step 1");
+    assert_refused(folder, &loaded(pull, pole), &format!("{at}0.5 and x = 1.000000e0, "));
+    // The traction is infinite at x = 0 only, where it does not act; the pressure on the same surface is the mistake.
+    let both = format!("traction = [\"t/x\", 0, 0]\n[[boundary]]\nsurface = \"x1\"\n{pole}");
+    assert_refused(
+        folder,
+        &loaded(pull, &both),
+        "case.toml:19: surface `x1`: the value at t = 0.5 and x = 1.000000e0, ",
+    );
+    let moved = "displacement = { x = \"0.1*t\" }\n[[point]]\nat = [1.0, 0.5, 0.5]\ndisplacement = { x = NUMBER }";
+    write(folder, "case.toml", &loaded(pull, &moved.replace("NUMBER", "0.1")));
+    line(folder, "check case.toml").done();
+    let other = "is given two x-displacements: \"0.1*t\" m by surface `x1` and 2e-1 m by point condition 1 (the number times its curve)";
+    assert_refused(folder, &loaded(pull, &moved.replace("NUMBER", "0.2")), other);
 
     let of = |material: &str| BAR.replace("CELLS", "2").replace("MATERIAL", material);
     let refused = |material: &str, expected: &str| assert_refused(folder, &of(material), expected);
@@ -292,7 +327,7 @@ fn values_that_are_not_finite_or_out_of_range_are_refused() {
     let axis = |axis: &str| {
         format!("model = \"guccione\", c = 1e3, bf = 8, bt = 2, bfs = 4, bulk_modulus = 1e4, axis = {axis}")
     };
-    refused(&axis("[\"0*x\", 0, 0]"), "case.toml:6: `region.material.axis[0]` is [0.0, 0.0, 0.0] at x = ");
+    refused(&axis("[\"0*x\", 0, 0]"), "case.toml:6: `region.material.axis` is [0.0, 0.0, 0.0] at x = ");
     refused(&axis("{ file = \"f.vtu\", cells = \"E\" }"), "the array `E` has 1 components");
     write(folder, "f.csv", "E,z\n5,0\n5,0\n");
     refused(
@@ -301,6 +336,26 @@ fn values_that_are_not_finite_or_out_of_range_are_refused() {
     );
     let unstable = "model = \"neo-hookean\", youngs_modulus = 4, shear_modulus = \"1 + 0*x\"";
     refused(unstable, "case.toml:6: `region.material` gives mu = 1 Pa and K = -");
+    // The first error of each parameter.
+    let all = axis("[\"1 - floor(x + 0.9)\", 0, 0]").replace("1e3", "\"x - 0.5\"").replace("1e4", "\"0.5 - x\"");
+    let text = of(&all);
+    write(folder, "case.toml", &text);
+    let refused_all = line(folder, "check case.toml");
+    let block = refused_all.failed(2);
+    assert_eq!(block.matches("case.toml:6: ").count(), 3, "{block}");
+    for expected in
+        ["`region.material.c` is -0.", "`region.material.bulk_modulus` is -0.", "`region.material.axis` is [0.0, "]
+    {
+        assert!(block.contains(expected), "{block}");
+    }
+    refused(
+        &constants("{ file = \"f.vtu\", column = \"E\" }"),
+        "a CSV file with the columns\n  cure: name a CSV file, or write `cells`",
+    );
+    refused(
+        &constants("{ file = \"f.vtu\", cells = \"E\" }"),
+        "f.vtu:4: the center of cell 1 lies at x = 5.000000e-1, y = 5.000000e-1, ",
+    );
     let more = BAR
         .replace("cells = [CELLS", "cells = [3")
         .replace("MATERIAL", &constants("{ file = \"f.vtu\", cells = \"E\" }"));
