@@ -49,7 +49,7 @@ pub enum BoundaryError {
         /// The value.
         value: f64,
         /// The [formula](super::LoadFunction::formula) of the factor.
-        formula: Option<String>,
+        formula: Option<Box<str>>,
         /// The pseudo-time.
         t: f64,
         /// The position in the reference state, m.
@@ -81,13 +81,13 @@ pub enum BoundaryError {
         /// The displacement of the first condition at a factor of 1, m.
         first_value: f64,
         /// The [formula](super::LoadFunction::formula) of its factor.
-        first_formula: Option<String>,
+        first_formula: Option<Box<str>>,
         /// The second condition.
         second: String,
         /// The displacement of the second condition at a factor of 1, m.
         second_value: f64,
         /// The formula of its factor.
-        second_formula: Option<String>,
+        second_formula: Option<Box<str>>,
     },
     /// A plane of symmetry is not a plane.
     #[error("surface `{surface}` is not one plane: {}", planarity(*degrees))]
@@ -113,7 +113,7 @@ pub enum BoundaryError {
         /// The displacement of that condition at a factor of 1, m.
         value: f64,
         /// The formula of its factor.
-        formula: Option<String>,
+        formula: Option<Box<str>>,
     },
     /// A node of a rigid surface has another condition that the rigid surface does not satisfy by itself.
     #[error("node {node} belongs to the rigid {rigid}, but also to {other}")]

@@ -50,8 +50,8 @@ impl PrescribedComponent {
     }
 
     /// Returns the formula of the factor.
-    pub(super) fn formula(&self) -> Option<String> {
-        self.curve.formula().map(str::to_owned)
+    pub(super) fn formula(&self) -> Option<Box<str>> {
+        self.curve.formula().map(Into::into)
     }
 
     /// Returns true if the displacement is 0 at all times.

@@ -8,7 +8,7 @@ use std::rc::Rc;
 use super::columns;
 use crate::app::material_fields::Body;
 use crate::app::vtu::{self, CellData};
-use crate::fem::element::CellType;
+use crate::fem::element::{CellType, ElementType};
 use crate::input::{InputError, Row};
 
 /// Centers of cells are equal if they differ by less than this part of the longest edge of the body: files may hold
@@ -50,8 +50,7 @@ fn once<T>(
 /// Checks that the elements of a file, as many as those of the mesh, lie where those lie, in mesh units or in meters.
 pub(super) fn check_cells(body: &Body<'_>, file: &Path, data: &CellData) -> Result<(), InputError> {
     let mesh = body.mesh;
-    let corners =
-        |(of, nodes): (crate::fem::element::ElementType, &[u32])| vtu::center(mesh.nodes(), &nodes[..of.corners()]);
+    let corners = |(of, nodes): (ElementType, &[u32])| vtu::center(mesh.nodes(), &nodes[..of.corners()]);
     let of_mesh: Vec<[f64; 3]> = mesh.elements().typed().map(corners).collect();
     let of_file = data.centers();
     let [low, high] = mesh.bounding_box();
