@@ -1,7 +1,11 @@
 //! Errors in input files: the position, the problem, the expected content, and the cure.
 
+mod rows;
+
 use std::fmt::{self, Write as _};
 use std::path::{Path, PathBuf};
+
+pub(crate) use rows::{Row, Rows};
 
 /// The number of errors that a message shows.
 pub const MOST_SHOWN: usize = 20;

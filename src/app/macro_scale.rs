@@ -6,7 +6,7 @@ use super::case::{
     BodyForceCase, BoundaryCase, Case, LoadCurve, LoadValue, MeshSource, PointPlace, QuadraticCase, RigidCase,
     SurfaceLoad, terms,
 };
-use super::{step_loads, vtu};
+use super::vtu;
 use crate::fem::assembly;
 use crate::fem::boundary::{
     BodyForce, Boundary, BoundaryError, Conditions, Foundation, LoadCondition, PointCondition, PointDisplacement,
@@ -122,8 +122,15 @@ fn quadratic(case: &Case, mesh: &Mesh, to: QuadraticCase) -> Result<Mesh, InputE
 /// # Errors
 /// Returns [`InputErrors`] if a condition contradicts the mesh or another condition, with its line.
 pub fn boundary(case: &Case, mesh: &Mesh, conditions: &Conditions) -> Result<Boundary, InputErrors> {
-    let boundary = Boundary::new(mesh, conditions).map_err(|error| {
-        let (line, expected, cure) = match &error {
+    let boundary = Boundary::new(mesh, conditions).map_err(|error| located(case, &error))?;
+    let ends: Vec<f64> = (1..case.steps.count).map(|step| step as f64 / case.steps.count as f64).collect();
+    boundary.check_finite(mesh, &ends).map_err(|error| located(case, &error))?;
+    Ok(boundary)
+}
+
+/// Adds its line, what was expected and the cure to an error.
+fn located(case: &Case, error: &BoundaryError) -> InputErrors {
+    let (line, expected, cure) = match error {
             BoundaryError::UnknownNode { node, nodes } => {
                 let point = case.points.iter().find(|point| point.place == PointPlace::Node(*node));
                 let expected = format!("a node from 0 to {}", nodes.saturating_sub(1));
@@ -137,9 +144,9 @@ pub fn boundary(case: &Case, mesh: &Mesh, conditions: &Conditions) -> Result<Bou
             BoundaryError::NotFinite { place, .. } => {
                 (line_of(case, place), "finite numbers".into(), "correct the number, or the `scale` of the mesh")
             }
-            BoundaryError::NotFiniteAt { place, t, position, .. } => (
-                line_of_value(case, place, *t, *position),
-                "a finite value at every node and integration point".into(),
+            BoundaryError::NotFiniteAt { place, formula, .. } => (
+                line_of_formula(case, place, formula.as_deref()),
+                "a finite value at every node and integration point, at t = 0 and at the end of every step".into(),
                 "correct the expression, or the `scale` of the mesh",
             ),
             BoundaryError::UnknownPoint { .. } => (None, "a point condition".into(), "correct the number"),
@@ -177,25 +184,18 @@ pub fn boundary(case: &Case, mesh: &Mesh, conditions: &Conditions) -> Result<Bou
                 (None, "loads whose nodes belong to one element".into(), "correct the load")
             }
         };
-        let error = InputError { line, ..InputError::in_file(&case.file, error.to_string(), expected, cure) };
-        InputErrors::from(error)
-    })?;
-    step_loads::check(case, mesh, &boundary)?;
-    Ok(boundary)
+    InputErrors::from(InputError { line, ..InputError::in_file(&case.file, error.to_string(), expected, cure) })
 }
 
-/// Returns the line of the condition at a place whose value is not finite there, or else that of any.
-fn line_of_value(case: &Case, place: &str, t: f64, x: [f64; 3]) -> Option<usize> {
-    let is_infinite = |values: &[&LoadValue], curve: &LoadCurve| {
-        values
-            .iter()
-            .map(|value| value.with_curve(curve))
-            .any(|(value, curve)| !(value * curve.factor(t, x)).is_finite())
+/// Returns the line of the condition at a place that has a formula, or else that of any.
+fn line_of_formula(case: &Case, place: &str, formula: Option<&str>) -> Option<usize> {
+    let has_formula = |values: &[&LoadValue], curve: &LoadCurve| {
+        values.iter().any(|value| value.with_curve(curve).1.formula() == formula)
     };
     let boundaries = case.boundaries.iter().filter(|each| place == format!("surface `{}`", each.surface));
-    let boundary = boundaries.filter(|each| is_infinite(&each.load.values(), &each.curve)).map(|each| each.line).next();
+    let boundary = boundaries.filter(|each| has_formula(&each.load.values(), &each.curve)).map(|each| each.line).next();
     let bodies = case.body_forces.iter().filter(|each| place == format!("the body force on region `{}`", each.region));
-    let body = bodies.filter(|each| is_infinite(&each.value.each_ref(), &each.curve)).map(|each| each.line).next();
+    let body = bodies.filter(|each| has_formula(&each.value.each_ref(), &each.curve)).map(|each| each.line).next();
     boundary.or(body).or_else(|| line_of(case, place))
 }
 

@@ -19,7 +19,6 @@ pub mod report;
 pub mod results;
 pub mod run;
 mod rve_files;
-mod step_loads;
 mod stress;
 pub mod vtu;
 

@@ -7,7 +7,8 @@
 
 use std::sync::Arc;
 
-use crate::app::case::{Case, Formula, LoadCurve, LoadValue, PointPlace, SurfaceLoad};
+use crate::app::case::{Case, Formula, LoadCurve, LoadValue, PointPlace, RigidCase, SurfaceLoad};
+use crate::fem::boundary::centroid;
 use crate::fem::element::ElementType;
 use crate::fem::mesh::Mesh;
 use crate::las::RealBackend;
@@ -207,7 +208,7 @@ fn loads(case: &Case, mesh: &Mesh, edge: f64, softest: Option<&Stiffness>) -> Ve
     let rotations = case.boundaries.iter().filter_map(|boundary| {
         let SurfaceLoad::Rigid(rigid) = &boundary.load else { return None };
         let components: Vec<&LoadValue> = rigid.rotation.iter().flatten().collect();
-        let most = greatest(&components, &boundary.curve, || nodes_of(mesh, &boundary.surface));
+        let most = greatest(&components, &boundary.curve, || reference_of(case, mesh, &boundary.surface, rigid));
         let message = format!(
             "the rotation of surface \"{}\" is {} rad, {} turns: is it in rad?",
             boundary.surface,
@@ -218,15 +219,15 @@ fn loads(case: &Case, mesh: &Mesh, edge: f64, softest: Option<&Stiffness>) -> Ve
     });
     let boundaries = case.boundaries.iter().filter_map(|boundary| {
         let place = format!("surface \"{}\"", boundary.surface);
-        let nodes = || nodes_of(mesh, &boundary.surface);
-        let most = greatest(&boundary.load.values(), &boundary.curve, nodes);
+        let most = greatest(&boundary.load.values(), &boundary.curve, || nodes_of(mesh, &boundary.surface));
         match &boundary.load {
             SurfaceLoad::Displacement(_) => Some(displacement(boundary.line, &place, most)),
             SurfaceLoad::Traction(_) => force(boundary.line, &format!("the traction on {place}"), most, None),
             SurfaceLoad::Pressure(_) => force(boundary.line, &format!("the pressure on {place}"), most, None),
             SurfaceLoad::Rigid(rigid) => {
                 let components: Vec<&LoadValue> = rigid.displacement.iter().flatten().collect();
-                Some(displacement(boundary.line, &place, greatest(&components, &boundary.curve, nodes)))
+                let reference = || reference_of(case, mesh, &boundary.surface, rigid);
+                Some(displacement(boundary.line, &place, greatest(&components, &boundary.curve, reference)))
             }
             SurfaceLoad::Foundation(_) | SurfaceLoad::Symmetry => None,
         }
@@ -253,10 +254,17 @@ fn nodes_of(mesh: &Mesh, surface: &str) -> Vec<[f64; 3]> {
     surface.map_or_else(Vec::new, |surface| mesh.positions_of(&surface.nodes()))
 }
 
+/// Returns the reference point of a rigid surface, m.
+fn reference_of(case: &Case, mesh: &Mesh, surface: &str, rigid: &RigidCase) -> Vec<[f64; 3]> {
+    let given = rigid.reference.map(|point| point.map(|x| x * case.mesh_scale));
+    let surface = mesh.surfaces().iter().find(|other| other.name == surface);
+    given.or_else(|| surface.map(|surface| centroid(mesh, surface))).into_iter().collect()
+}
+
 /// Pseudo-times at which the magnitude of an expression is sampled.
 const SAMPLES: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
 
-/// The largest absolute value of a load; expressions are sampled at these positions.
+/// The largest absolute value of a load; expressions are sampled at these positions where they are finite.
 fn greatest(values: &[&LoadValue], curve: &LoadCurve, positions: impl FnOnce() -> Vec<[f64; 3]>) -> f64 {
     let terms: Vec<(f64, LoadCurve)> = values.iter().map(|value| value.with_curve(curve)).collect();
     let is_function = |(_, curve): &(f64, LoadCurve)| matches!(curve, LoadCurve::Function(_));
@@ -269,8 +277,10 @@ fn greatest(values: &[&LoadValue], curve: &LoadCurve, positions: impl FnOnce() -
 fn peak(curve: &LoadCurve, positions: &[[f64; 3]]) -> f64 {
     match curve {
         LoadCurve::Function(function) => {
-            let at = |t: f64| positions.iter().map(move |&x| function.factor(t, x).abs()).fold(0.0, f64::max);
-            SAMPLES.into_iter().map(at).fold(0.0, f64::max)
+            // A body force may be infinite at a node: it acts at integration points.
+            let at =
+                |t: f64| positions.iter().map(move |&x| function.factor(t, x).abs()).filter(|value| value.is_finite());
+            SAMPLES.into_iter().flat_map(at).fold(0.0, f64::max)
         }
         LoadCurve::Ramp => 1.0,
         LoadCurve::Table(table) => table.points().iter().fold(0.0, |most: f64, [_, factor]| most.max(factor.abs())),
@@ -367,6 +377,21 @@ displacement = { x = 0.1 }
         let expected = " the loads strain the body by at most about 1.0e-12: are displacements in m, forces and moduli \
                              in Pa, and is the `scale` of [mesh] right?";
         assert_eq!(warnings_of(&small, 1.0, None), [expected]);
+    }
+
+    #[test]
+    fn expressions_are_sampled_where_they_act() {
+        // Infinite at the nodes at x = 0, but not at integration points.
+        let force = format!("{CASE}[[body_force]]\nregion = \"*\"\nvalue = [0, 0, \"t/x\"]\n");
+        assert_eq!(warnings_of(&force, 1.0, None), [""; 0]);
+        // The reference point is the center, y = 0.25 m, of the surface; its nodes lie at y = 0 and y = 0.5 m.
+        let rigid = CASE.replace(
+            PULLED,
+            "rigid = { displacement = { x = \"1e3*t*(y - 0.25)\" }, rotation = { z = \"1e3*t*(y - 0.25)\" } }",
+        );
+        assert_eq!(warnings_of(&rigid, 1.0, None), [""; 0]);
+        let far = rigid.replace("rigid = {", "rigid = { reference = [1, 1, 0],");
+        assert_eq!(warnings_of(&far, 1.0, None).len(), 2);
     }
 
     #[test]

@@ -18,7 +18,10 @@ pub(super) struct CauchyStress {
 
 impl CauchyStress {
     pub(super) fn new(case: &Case, mesh: &Mesh) -> Self {
-        let is_small_strain = |region: &String| matches!(case.material_of(region), Some(RegionMaterial::Formula(formula)) if formula.is_small_strain());
+        let is_small_strain = |region: &String| match case.material_of(region) {
+            Some(RegionMaterial::Formula(formula)) => formula.is_small_strain(),
+            _ => false,
+        };
         Self { is_small_strain: mesh.regions().iter().map(is_small_strain).collect() }
     }
 

@@ -74,7 +74,7 @@ impl<F> RegionMaterial<F> {
 pub struct FiberRve<F = Formulas> {
     /// The network files. If empty, the material is its matrix alone, which must exist.
     pub networks: Vec<PathBuf>,
-    /// The rule that assigns a network to each element.
+    /// The rule that assigns a network to each integration point.
     pub assignment: NetworkAssignment,
     /// Seed of the random assignment.
     pub seed: u64,
@@ -88,12 +88,12 @@ pub struct FiberRve<F = Formulas> {
     pub lifecycle: RveLifecycle,
 }
 
-/// The rule that assigns a network to each element.
+/// The rule that assigns a network to each integration point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NetworkAssignment {
-    /// By a hash of seed and element number.
+    /// By a hash of the seed and the number of the point.
     Random,
-    /// By the element number modulo the number of networks.
+    /// By the number of the point modulo the number of networks.
     Cycle,
 }
 

@@ -1,5 +1,7 @@
 //! Cases with expressions, and with material parameters and axes that vary over the body.
 
+mod refused;
+
 use std::path::Path;
 
 use biotissue::app::results::Loads;
@@ -91,6 +93,10 @@ fn constants_given_as_expressions_are_the_numbers() {
     }
 }
 
+/// The nodes of [`CELLS`] in meters if a mesh unit is half a meter.
+const IN_METERS: &str =
+    "0 0 0 0.5 0 0 1 0 0  0 0.5 0 0.5 0.5 0 1 0.5 0  0 0 0.5 0.5 0 0.5 1 0 0.5  0 0.5 0.5 0.5 0.5 0.5 1 0.5 0.5";
+
 /// Two hexahedra side by side along x with a modulus and an axis each; the faces at both ends are `surface_2` and
 /// `surface_3`.
 const CELLS: &str = r#"<?xml version="1.0"?>
@@ -138,6 +144,9 @@ fn expressions_cells_and_columns_give_the_same_field() {
     let folder = folder.path();
     write(folder, "cells.vtu", CELLS);
     write(folder, "other.vtu", CELLS);
+    // As of a result file: in meters, while the mesh is in mesh units.
+    let meters = CELLS.replace("0 0 0 1 0 0 2 0 0  0 1 0 1 1 0 2 1 0  0 0 1 1 0 1 2 0 1  0 1 1 1 1 1 2 1 1", IN_METERS);
+    write(folder, "meters.vtu", &meters);
     write(folder, "fields.csv", "az, ax, ay, E\n0,2,0,1000\n0.5,0,0.5,2000\n");
     let sources = [
         ("\"1000*(1 + step(x - 1))\"", "[\"2*step(1 - x)\", \"step(x - 1)/2\", \"step(x - 1)/2\"]"),
@@ -154,6 +163,22 @@ fn expressions_cells_and_columns_give_the_same_field() {
         assert_eq!(text(folder, "again/loads.csv"), found[0]);
         assert_eq!(found[number], found[0], "{modulus}");
     }
+    let scaled = PULLED_CELLS.replace("file = \"cells.vtu\"", "file = \"cells.vtu\"\nscale = 0.5");
+    for source in
+        ["{ cells = \"E\" }", "{ file = \"other.vtu\", cells = \"E\" }", "{ file = \"meters.vtu\", cells = \"E\" }"]
+    {
+        write(folder, "case.toml", &scaled.replace("MODULUS", source).replace("AXIS", "{ cells = \"fiber\" }"));
+        line(folder, "check case.toml").done();
+    }
+    // The same cells in another order.
+    let reversed = CELLS.replace(
+        "0 6 9 3  0 1 4 3 6 7 10 9  2 5 11 8  1 2 5 4 7 8 11 10",
+        "0 6 9 3  1 2 5 4 7 8 11 10  2 5 11 8  0 1 4 3 6 7 10 9",
+    );
+    write(folder, "meters.vtu", &reversed);
+    let misplaced = "meters.vtu:4: the center of cell 1 lies at x = 7.500000e-1, y = 2.500000e-1, z = 2.500000e-1 m, that of element 0 of the mesh at x = 2.500000e-1,";
+    let other = scaled.replace("MODULUS", "{ file = \"meters.vtu\", cells = \"E\" }").replace("AXIS", "[1, 0, 0]");
+    assert_refused(folder, &other, misplaced);
     write(folder, "case.toml", &PULLED_CELLS.replace("MODULUS", "1000").replace("AXIS", "[1, 0, 0]"));
     line(folder, "run case.toml --out constant").done();
     assert_ne!(text(folder, "constant/loads.csv"), found[0]);
@@ -246,63 +271,4 @@ fn assert_refused(folder: &Path, case: &str, expected: &str) {
     let refused = line(folder, "check case.toml");
     let block = refused.failed(2);
     assert!(block.contains(expected), "{block}\ninstead of\n{expected}");
-}
-
-#[test]
-fn values_that_are_not_finite_or_out_of_range_are_refused() {
-    let folder = tempfile::tempdir().unwrap();
-    let folder = folder.path();
-    let material = "model = \"neo-hookean\", youngs_modulus = 1.0e3, poisson_ratio = 0.3";
-    let loaded = |from: &str, to: &str| BAR.replace("CELLS", "2").replace("MATERIAL", material).replace(from, to);
-    let pull = "traction = [2.0, 0.0, 0.0]";
-    let at = "case.toml:16: surface `x1`: the value at t = ";
-    assert_refused(folder, &loaded(pull, "traction = [\"1/t\", 0, 0]"), &format!("{at}0 and x = 1.000000e0, "));
-    assert_refused(folder, &loaded(pull, "pressure = \"sqrt(-z)*t\""), "m is NaN, which is not finite");
-    assert_refused(folder, &loaded(pull, "displacement = { x = \"1/(1 - t)\" }"), &format!("{at}1 and x = "));
-    assert_refused(folder, &loaded(pull, "pressure = 2\ncurve = \"ln(y - 10)\""), "case.toml:16: ");
-    let force = "[[body_force]]\nregion = \"*\"\nvalue = [\"ln(x - 2)\", 0, 0]\n[steps]";
-    assert_refused(folder, &loaded("[steps]", force), "case.toml:19: the body force on region `*`: the value at t = 0");
-
-    let pole = "pressure = \"1/(t - 0.5)\"";
-    assert_refused(folder, &loaded(pull, pole), "case.toml:16: a load is not finite at t = 0.5, the end of step 1");
-
-    let of = |material: &str| BAR.replace("CELLS", "2").replace("MATERIAL", material);
-    let refused = |material: &str, expected: &str| assert_refused(folder, &of(material), expected);
-    let constants = |modulus: &str| format!("model = \"neo-hookean\", youngs_modulus = {modulus}, poisson_ratio = 0.3");
-    let negative = "case.toml:6: `region.material.youngs_modulus` is -";
-    refused(&constants("\"0.5 - x\""), negative);
-    refused(&constants("\"0.5 - x\""), "(element 1, point ");
-    refused(&constants("\"1/(x - x)\""), "is inf at x = ");
-    refused(&constants("{ cells = \"E\" }"), "names an array of the mesh, which is not a .vtu file");
-    write(folder, "f.csv", "E,z\n5,0\n-5,0\n");
-    refused(
-        &constants("{ file = \"f.csv\", column = \"E\" }"),
-        "f.csv:3: `E` of element 1 is -5\n  expected: a number above 0, in Pa",
-    );
-    write(folder, "f.csv", "E,z\n5,0\nnan,0\n");
-    refused(&constants("{ file = \"f.csv\", column = \"E\" }"), "f.csv:3: `E` of element 1 is NaN");
-    write(folder, "f.csv", "E,z\n5,0\n");
-    refused(
-        &constants("{ file = \"f.csv\", column = \"E\" }"),
-        "f.csv: the file has 1 rows of values; the mesh has 2 elements",
-    );
-    write(folder, "f.vtu", CELLS);
-    refused(&constants("{ file = \"f.vtu\", cells = \"F\" }"), "the cells have no array \"F\"");
-    refused(&constants("{ file = \"f.vtu\", cells = \"fiber\" }"), "the array `fiber` has 3 components");
-    let axis = |axis: &str| {
-        format!("model = \"guccione\", c = 1e3, bf = 8, bt = 2, bfs = 4, bulk_modulus = 1e4, axis = {axis}")
-    };
-    refused(&axis("[\"0*x\", 0, 0]"), "case.toml:6: `region.material.axis[0]` is [0.0, 0.0, 0.0] at x = ");
-    refused(&axis("{ file = \"f.vtu\", cells = \"E\" }"), "the array `E` has 1 components");
-    write(folder, "f.csv", "E,z\n5,0\n5,0\n");
-    refused(
-        &axis("{ file = \"f.csv\", columns = [\"z\", \"z\", \"z\"] }"),
-        "f.csv:2: `z`, `z`, `z` of element 0 is [0.0, 0.0, 0.0]",
-    );
-    let unstable = "model = \"neo-hookean\", youngs_modulus = 4, shear_modulus = \"1 + 0*x\"";
-    refused(unstable, "case.toml:6: `region.material` gives mu = 1 Pa and K = -");
-    let more = BAR
-        .replace("cells = [CELLS", "cells = [3")
-        .replace("MATERIAL", &constants("{ file = \"f.vtu\", cells = \"E\" }"));
-    assert_refused(folder, &more, "f.vtu:16: the array `E` has values of 2 elements; the mesh has 3");
 }

@@ -7,7 +7,6 @@ use crate::fiber::law::{
     Table as Curve, formula_parameters,
 };
 
-use super::networks::missing_file;
 use super::problems::alternatives;
 use super::range::Range;
 use super::table::{Either, Table};
@@ -116,18 +115,7 @@ fn curve(table: &mut Table<'_>, base: &Path) -> Option<Curve> {
         Either::First(file) => {
             let expected = "a CSV file with the columns stretch and nominal stress in Pa, relative to the case file";
             let text = file.text(expected)?;
-            let path = base.join(text);
-            if !path.is_file() {
-                file.report_error(
-                    &format!(
-                        "names {text:?}, {}",
-                        if path.is_dir() { "which is a folder" } else { "but this file does not exist" }
-                    ),
-                    expected,
-                    missing_file(&path),
-                );
-                return None;
-            }
+            let path = file.existing_file(base, expected)?;
             match Curve::read(&path) {
                 Ok(curve) => Some(curve),
                 Err(errors) => {

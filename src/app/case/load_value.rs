@@ -25,10 +25,10 @@ impl From<f64> for LoadValue {
 impl LoadValue {
     /// Reads a finite number, or an expression in quotes; one without variables becomes a number.
     pub(super) fn read(value: &Value<'_>, unit: &'static str) -> Option<Self> {
-        if value.inner.as_str().is_none() {
-            return value.number(Range::any(unit)).map(Self::Number);
-        }
         let expected = format!("a number in {unit}, or an expression of t, x, y and z in quotes");
+        if value.inner.as_str().is_none() {
+            return value.number_or(Range::any(unit), expected).map(Self::Number);
+        }
         let expression = value.expression(&expected, &VARIABLES)?;
         match expression.constant() {
             None => Some(Self::Expression(expression)),

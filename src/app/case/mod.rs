@@ -124,7 +124,7 @@
 //! model = "fiber-rve"
 //! networks = ["networks/*.txt"]            # files or patterns, relative to the case file; patterns skip files that
 //!                                          # end in .params or .toml
-//! choose = "random"                        # default, by seed and element; or "cycle", by element
+//! choose = "random"                        # default, by seed and integration point; or "cycle", by integration point
 //! seed = 1                                 # default
 //! fiber_volume_fraction = 0.003            # or: scale = "raw"
 //! law = { name = "exponential", youngs_modulus = 1.0e8, radius = 5.0e-8, nonlinearity = 1.2 }
@@ -317,12 +317,19 @@
 //!
 //! `t` is the pseudo-time from 0 to 1, and `x`, `y`, `z` are the position in the reference state, m.
 //! [`crate::app::expression`] lists operators and functions. Displacements of surfaces and points and forces on points
-//! are evaluated at nodes; tractions, pressures and body forces (`value = [...]`) at integration points.
+//! are evaluated at nodes; tractions, pressures and body forces (`value = [...]`) at integration points; the displacement
+//! and the rotation of a `rigid` surface at its reference point.
 //!
 //! An expression that contains `t` is the value at every time, and a `curve` beside it is an error. Everything else,
 //! numbers and expressions of the position, is multiplied by the curve, which is `t` by default. So
 //! `traction = ["1e3*t*z", 5.0, 0.0]` is the same as `["1e3*t*z", "5.0*t", 0.0]`. An expression without variables is a
-//! number. A value that is not finite at a node or integration point, at `t` = 0 or the end of a step, is an error.
+//! number. A value that is not finite where it is evaluated, at `t` = 0 or the end of a step, is an error.
+//!
+//! Increments end at the points of a table, but not at the times at which the rate of an expression jumps, such as those of
+//! `min`, `step` and `abs` of `t`: choose `[steps] count` so that a step ends there.
+//!
+//! Two boundaries or points that share a node may prescribe the same component there if their displacements are equal: as
+//! numbers and curves, or else exactly at every hundredth of pseudo-time and at the points of tables.
 //!
 //! # Fields of material parameters
 //!
@@ -344,7 +351,8 @@
 //! An expression is evaluated at the reference position of every integration point; the other fields have one value for
 //! each element. A CSV file has names in its first line and one row for each element of the mesh, in the order of the
 //! result files, or in any order with a column `element` (from 0); rows of elements outside of the region may then be
-//! missing. The cells of another `.vtu` file are those of the mesh in the same order, such as those of a result file.
+//! missing. The cells of another `.vtu` file are those of the mesh in the same order, in mesh units or in meters, such as
+//! those of a result file.
 //! Each value must be in the range of the number that it replaces. `biotissue check` prints the range of every field.
 //! [`crate::app::material_fields`] evaluates fields.
 //!

@@ -4,7 +4,6 @@ use std::path::{Path, PathBuf};
 
 use nalgebra::Vector3;
 
-use super::networks::missing_file;
 use super::range::Range;
 use super::table::Table;
 use super::value::Value;
@@ -70,8 +69,8 @@ pub enum FieldSource {
 impl ParameterCase {
     /// Reads a number in a range, or a field.
     pub(super) fn read(value: &Value<'_>, range: Range, base: &Path) -> Option<Self> {
+        let expected = format!("a number{}, or an expression of x, y and z in quotes", range.describe());
         let source = if value.inner.is_str() {
-            let expected = format!("a number{}, or an expression of x, y and z in quotes", range.describe());
             let expression = value.expression(&expected, POSITION)?;
             match expression.constant() {
                 None => FieldSource::Expression(expression),
@@ -84,7 +83,7 @@ impl ParameterCase {
         } else if value.inner.is_table() {
             FieldSource::read(value, 1, base)?
         } else {
-            return value.number(range).map(Self::Number);
+            return value.number_or(range, expected).map(Self::Number);
         };
         Some(Self::Field(FieldCase::new(source, value)))
     }
@@ -112,7 +111,10 @@ impl AxisCase {
         }
         let [x, y, z] = value.components(Range::any(""))?.map(|component| match component.inner.is_table() {
             false => ParameterCase::read(&component, Range::any(""), base),
-            true => component.number(Range::any("")).map(ParameterCase::Number),
+            true => {
+                let expected = "a number, or an expression of x, y and z in quotes".to_owned();
+                component.number_or(Range::any(""), expected).map(ParameterCase::Number)
+            }
         });
         let components = [x?, y?, z?];
         let [Some(x), Some(y), Some(z)] = components.each_ref().map(ParameterCase::number) else {
@@ -173,7 +175,8 @@ impl FieldSource {
     fn read(value: &Value<'_>, components: usize, base: &Path) -> Option<Self> {
         let mut table = value.table()?;
         let file = table.get("file");
-        let path = file.as_ref().map(|file| existing_file(file, base));
+        let expected = "a file that exists; a path is relative to the case file";
+        let path = file.as_ref().map(|file| file.existing_file(base, expected));
         let column = if components == 1 { "column" } else { "columns" };
         let given = table.one_of(&["cells", column]);
         table.report_unknown_keys();
@@ -201,7 +204,13 @@ impl FieldSource {
                 "add `file = \"NAME.csv\"`",
             );
         }
-        Some(Self::Columns { file: path??, columns })
+        let path = path??;
+        if let Some(file) = file.filter(|_| vtu::is_vtu(&path)) {
+            let cure = "name a CSV file, or write `cells` for a .vtu file";
+            file.report_invalid("a CSV file with the columns", cure);
+            return None;
+        }
+        Some(Self::Columns { file: path, columns })
     }
 
     fn toml(&self) -> String {
@@ -232,21 +241,6 @@ fn column_names(value: &Value<'_>, count: usize) -> Option<Vec<String>> {
         return None;
     }
     Some(read)
-}
-
-fn existing_file(value: &Value<'_>, base: &Path) -> Option<PathBuf> {
-    let expected = "a file that exists; a path is relative to the case file";
-    let text = value.text(expected)?;
-    let file = base.join(text);
-    if file.is_file() {
-        return Some(file);
-    }
-    let (what, cure) = match file.is_dir() {
-        true => ("which is a folder", "name a file in it".to_owned()),
-        false => ("but this file does not exist", missing_file(&file)),
-    };
-    value.report_error(&format!("names {text:?}, {what}"), expected, cure);
-    None
 }
 
 /// Reads a required parameter.

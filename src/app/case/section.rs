@@ -10,7 +10,6 @@ use crate::fiber::equilibrium::{Stage, Stages};
 use crate::tissue::materials::{ElementSelection, RveParams};
 
 use super::data::{MeshSource, NewtonCase, OutputCase, QuadraticCase, ScalesCase, StepsCase};
-use super::networks::missing_file;
 use super::problems::alternatives;
 use super::range::Range;
 use super::solver;
@@ -38,7 +37,10 @@ pub(super) fn mesh(root: &mut Table<'_>, base: &Path) -> Option<MeshSection> {
     let mut table = root.required_table("mesh", "a section [mesh] with `file` or `generate`")?;
     let scale = table.number("scale", Range::above(0.0, "m for a mesh unit")).unwrap_or(1.0);
     let (source, line) = match table.either("file", "generate") {
-        Some(Either::First(file)) => (mesh_file(&file, base), file.line),
+        Some(Either::First(file)) => {
+            let expected = "a Gmsh .msh file or a VTK .vtu file that exists; a path is relative to the case file";
+            (file.existing_file(base, expected).map(MeshSource::File), file.line)
+        }
         Some(Either::Second(generate)) => (generate.table().and_then(generated), generate.line),
         None => (None, table.line),
     };
@@ -76,22 +78,6 @@ fn quadratic(table: &mut Table<'_>, source: Option<&MeshSource>) -> Option<Quadr
         return None;
     }
     Some(QuadraticCase { hexahedra: nodes.unwrap_or_default(), line: order.line })
-}
-
-fn mesh_file(value: &Value<'_>, base: &Path) -> Option<MeshSource> {
-    let expected = "a Gmsh .msh file or a VTK .vtu file that exists; a path is relative to the case file";
-    let text = value.text(expected)?;
-    let file = base.join(text);
-    if file.is_file() {
-        return Some(MeshSource::File(file));
-    }
-    match file.is_dir() {
-        true => value.report_error(&format!("names {text:?}, which is a folder"), expected, "name a file in it"),
-        false => {
-            value.report_error(&format!("names {text:?}, but this file does not exist"), expected, missing_file(&file))
-        }
-    }
-    None
 }
 
 #[derive(Clone, Copy)]

@@ -2,14 +2,19 @@
 
 use std::fmt::Display;
 use std::ops::RangeInclusive;
+use std::path::{Path, PathBuf};
 
 use toml::de::{DeInteger, DeTable, DeValue};
 
+use super::networks::missing_file;
 use super::problems::{Problems, alternatives, nearest};
 use super::range::Range;
 use super::table::Table;
 use crate::app::expression::{Expression, ExpressionError};
 use crate::input::excerpt;
+
+/// The maximum length of a quoted string, in characters.
+const LONGEST: usize = 60;
 
 /// A value with its path and line. Every reader reports its error and then returns `None`.
 #[derive(Clone)]
@@ -45,7 +50,12 @@ impl<'d> Value<'d> {
 
     /// Reads a finite number in a range; integers are accepted.
     pub(super) fn number(&self, range: Range) -> Option<f64> {
-        let expected = format!("a number{}", range.describe());
+        self.number_or(range, format!("a number{}", range.describe()))
+    }
+
+    /// Reads a finite number in a range, like [`Value::number`], where other values are possible too; `expected` describes
+    /// all of them.
+    pub(super) fn number_or(&self, range: Range, expected: String) -> Option<f64> {
         let value = match self.inner {
             DeValue::Float(float) => float.as_str().parse().unwrap_or(f64::NAN),
             #[expect(
@@ -181,9 +191,25 @@ impl<'d> Value<'d> {
         let text = self.text(expected)?;
         let parsed = Expression::parse(text, variables);
         let report = |error: &ExpressionError| {
-            self.report_error(&format!("is {}, with {error}", shown(self.inner)), expected, error.cure.clone());
+            let complaint = format!("is the string {}: {error}", around(text, error.column));
+            self.report_error(&complaint, expected, error.cure.clone());
         };
         parsed.inspect_err(report).ok()
+    }
+
+    /// Reads the path of a file that exists, relative to the folder `base`.
+    pub(super) fn existing_file(&self, base: &Path, expected: &str) -> Option<PathBuf> {
+        let text = self.text(expected)?;
+        let file = base.join(text);
+        if file.is_file() {
+            return Some(file);
+        }
+        let (what, cure) = match file.is_dir() {
+            true => ("which is a folder", "name a file in it".to_owned()),
+            false => ("but this file does not exist", missing_file(&file)),
+        };
+        self.report_error(&format!("names {text:?}, {what}"), expected, cure);
+        None
     }
 
     /// Reads three integers; `what` describes them.
@@ -236,9 +262,20 @@ fn integer(whole: &DeInteger<'_>) -> Option<i128> {
     i128::from_str_radix(whole.as_str(), whole.radix()).ok()
 }
 
+/// Quotes a text, or the part of a long text around a column (from 1).
+fn around(text: &str, column: usize) -> String {
+    let count = text.chars().count();
+    if count <= LONGEST {
+        return format!("{text:?}");
+    }
+    let start = column.saturating_sub(1 + LONGEST / 2).min(count - LONGEST);
+    let part: String = text.chars().skip(start).take(LONGEST).collect();
+    let [before, after] = [start > 0, start + LONGEST < count].map(|is_cut| if is_cut { "..." } else { "" });
+    format!("{before}{part:?}{after}")
+}
+
 /// Formats a value for an error message: numbers and short strings as written, other values by their type.
 pub(super) fn shown(value: &DeValue<'_>) -> String {
-    const LONGEST: usize = 60;
     match value {
         DeValue::String(text) if text.chars().count() <= LONGEST => format!("the string {text:?}"),
         DeValue::String(text) => format!("the string {:?}...", text.chars().take(LONGEST).collect::<String>()),

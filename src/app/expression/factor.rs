@@ -1,6 +1,6 @@
 //! Expressions as load factors.
 
-use super::Expression;
+use super::{Expression, VARIABLES};
 use crate::fem::boundary::{LoadCurve, LoadFunction};
 
 /// A load factor given by an expression, alone or times a curve.
@@ -44,5 +44,43 @@ impl LoadFunction for ExpressionFactor {
 
     fn formula(&self) -> Option<&str> {
         Some(&self.formula)
+    }
+
+    fn depends_on_position(&self) -> bool {
+        let expression = VARIABLES.iter().any(|variable| *variable != "t" && self.expression.contains(variable));
+        expression || self.times.as_ref().is_some_and(LoadCurve::depends_on_position)
+    }
+
+    fn is_separable(&self) -> bool {
+        !self.expression.contains("t") && self.times.as_ref().is_none_or(LoadCurve::is_separable)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+
+    #[test]
+    fn a_factor_knows_what_it_depends_on() {
+        let parse = |text: &str| Expression::parse(text, &VARIABLES).unwrap();
+        let alone = |text| ExpressionFactor::new(parse(text));
+        let times =
+            |text, curve: ExpressionFactor| ExpressionFactor::times(parse(text), LoadCurve::Function(Arc::new(curve)));
+        for (factor, depends_on_position, is_separable) in [
+            (alone("sin(pi*t)"), false, false),
+            (alone("t*y"), true, false),
+            (alone("z"), true, true),
+            (ExpressionFactor::times(parse("x"), LoadCurve::Ramp), true, true),
+            (times("2 + 0", alone("t^2")), false, false),
+            (times("2 + 0", alone("x")), true, true),
+        ] {
+            assert_eq!(
+                (factor.depends_on_position(), factor.is_separable()),
+                (depends_on_position, is_separable),
+                "{factor:?}"
+            );
+        }
     }
 }

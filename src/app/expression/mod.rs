@@ -84,13 +84,14 @@ fn max(a: f64, b: f64) -> f64 {
 }
 
 impl Expression {
-    /// Parses an expression in which the variables of `allowed`, names of [`VARIABLES`], may occur.
+    /// Parses an expression in which the variables of `allowed`, names of [`VARIABLES`], may occur: all of them, or for
+    /// material parameters those of the position.
     ///
     /// # Errors
     /// Returns the first error in the text, with its column.
     pub fn parse(text: &str, allowed: &[&str]) -> Result<Self, ExpressionError> {
-        let text = text.trim();
-        Ok(Self { code: parse::compile(text, allowed)?.into(), text: text.into() })
+        let code = parse::compile(text.trim_end(), allowed)?;
+        Ok(Self { code: code.into(), text: text.trim().into() })
     }
 
     /// Returns the text.

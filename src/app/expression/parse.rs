@@ -18,9 +18,9 @@ const DEEPEST: usize = 100;
 
 /// The reason why a text is not an expression.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
-#[error("{problem} at column {column}")]
+#[error("column {column}: {problem}")]
 pub struct ExpressionError {
-    /// The column in the expression, from 1.
+    /// The column in the text, from 1.
     pub column: usize,
     /// The problem.
     pub problem: String,
@@ -106,7 +106,7 @@ impl Parser<'_> {
             };
             self.at += 1;
             if self.peek() == Some('*') {
-                return Err(self.error("`**`", "write a power with ^"));
+                return Err(self.error("`**` is not an operator", "write a power with ^"));
             }
             self.factor()?;
             self.code.push(Operation::Binary(function));
@@ -145,7 +145,7 @@ impl Parser<'_> {
             Some(c) if c.is_ascii_digit() || c == '.' => self.number(),
             Some(c) if c.is_alphabetic() || c == '_' => self.name(),
             Some(c) => Err(self.error(format!("`{c}` where a value should be"), VALUE)),
-            None => Err(self.error("the end where a value should be", VALUE)),
+            None => Err(self.error("the expression ends where a value should be", VALUE)),
         }
     }
 
@@ -181,8 +181,9 @@ impl Parser<'_> {
         let name = &rest[..end];
         if let Some(variable) = VARIABLES.iter().position(|variable| *variable == name) {
             if !self.allowed.contains(&name) {
+                // Only material parameters exclude a variable.
                 let cure = format!("use only {}", self.allowed.join(", "));
-                return Err(self.error(format!("the variable `{name}`, which does not vary here"), cure));
+                return Err(self.error(format!("a material parameter cannot depend on `{name}`"), cure));
             }
             self.at += end;
             self.code.push(Operation::Variable(variable));
@@ -209,9 +210,13 @@ impl Parser<'_> {
         if count == 2 {
             if !self.take(',') {
                 let cure = format!("write `{name}(..., ...)`");
-                return Err(self.error(format!("`{name}` with one argument"), cure));
+                return Err(self.error(format!("`{name}` takes two arguments"), cure));
             }
             self.sum()?;
+        }
+        if self.peek() == Some(',') {
+            let (number, form) = if count == 1 { ("one argument", "...") } else { ("two arguments", "..., ...") };
+            return Err(self.error(format!("`{name}` takes {number}"), format!("write `{name}({form})`")));
         }
         self.close()?;
         self.code.push(operation);
@@ -239,29 +244,33 @@ mod tests {
     #[test]
     fn errors_name_the_column() {
         for (text, expected) in [
-            ("1 + * 2", "`*` where a value should be at column 5"),
-            ("1 +", "the end where a value should be at column 4"),
-            ("2x", "`x` where an operator should be at column 2"),
-            ("(1 + 2", "a parenthesis is not closed at column 7"),
-            ("1)", "`)` where an operator should be at column 2"),
-            ("2*w", "unknown name `w` at column 3"),
-            ("log(x)", "unknown name `log` at column 1"),
-            ("sin x", "`sin` without its arguments at column 5"),
-            ("min(x)", "`min` with one argument at column 6"),
-            ("max(x, y, z)", "a parenthesis is not closed at column 9"),
-            ("x**2", "`**` at column 3"),
-            ("1e999", "`1e999` is not a finite number at column 1"),
-            ("1e", "`e` where an operator should be at column 2"),
-            ("1..2", "`.` where an operator should be at column 3"),
-            (".", "`.` is not a finite number at column 1"),
-            ("é + ü", "unknown name `é` at column 1"),
-            ("", "the end where a value should be at column 1"),
+            ("1 + * 2", "column 5: `*` where a value should be"),
+            ("1 +", "column 4: the expression ends where a value should be"),
+            ("2x", "column 2: `x` where an operator should be"),
+            ("(1 + 2", "column 7: a parenthesis is not closed"),
+            ("1)", "column 2: `)` where an operator should be"),
+            ("2*w", "column 3: unknown name `w`"),
+            ("log(x)", "column 1: unknown name `log`"),
+            ("sin x", "column 5: `sin` without its arguments"),
+            ("min(x)", "column 6: `min` takes two arguments"),
+            ("max(x, y, z)", "column 9: `max` takes two arguments"),
+            ("sin(x, y)", "column 6: `sin` takes one argument"),
+            ("max(x 1)", "column 7: `max` takes two arguments"),
+            ("  2*w ", "column 5: unknown name `w`"),
+            (" 1 + ", "column 5: the expression ends where a value should be"),
+            ("x**2", "column 3: `**` is not an operator"),
+            ("1e999", "column 1: `1e999` is not a finite number"),
+            ("1e", "column 2: `e` where an operator should be"),
+            ("1..2", "column 3: `.` where an operator should be"),
+            (".", "column 1: `.` is not a finite number"),
+            ("é + ü", "column 1: unknown name `é`"),
+            ("", "column 1: the expression ends where a value should be"),
         ] {
             let error = Expression::parse(text, &VARIABLES).unwrap_err();
             assert_eq!(error.to_string(), expected, "{text}");
         }
         let error = Expression::parse("2*t", &["x", "y", "z"]).unwrap_err();
-        assert_eq!(error.to_string(), "the variable `t`, which does not vary here at column 3");
+        assert_eq!(error.to_string(), "column 3: a material parameter cannot depend on `t`");
     }
 
     #[test]

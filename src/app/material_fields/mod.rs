@@ -17,7 +17,7 @@ use super::vtu;
 use crate::fem::mesh::{IntegrationPoint, Mesh};
 use crate::input::{InputError, InputErrors};
 use crate::tissue::materials::{Formula, Formulas, Materials, PointFormulas, Region};
-use values::{AxisValues, ParameterValues};
+use values::{AxisValues, Files, ParameterValues};
 
 /// The materials of a body with the ranges of the fields in them.
 #[derive(Clone, Debug, PartialEq)]
@@ -48,11 +48,12 @@ pub struct FieldRange {
 /// parameter, only the first such value.
 pub fn resolve(case: &Case, mesh: &Mesh) -> Result<ResolvedMaterials, InputErrors> {
     let (mut regions, mut ranges, mut errors) = (Vec::new(), Vec::new(), Vec::new());
+    let files = Files::default();
     for (number, region) in case.regions.iter().enumerate() {
         let material = region.material.try_map(|formula| match formula {
             FormulaCase::Constant(formula) => Ok(Formulas::from(formula.clone())),
             FormulaCase::Field(field) => {
-                let body = Body { case, mesh, region, number };
+                let body = Body { case, mesh, region, number, files: &files };
                 formulas_of(&body, field).map(|(formulas, of_region)| {
                     ranges.extend(of_region);
                     formulas
@@ -67,6 +68,8 @@ pub fn resolve(case: &Case, mesh: &Mesh) -> Result<ResolvedMaterials, InputError
     if errors.is_empty() {
         Ok(ResolvedMaterials { materials: Materials { regions, rve: case.micro }, ranges })
     } else {
+        // Several parameters may have the same error, for example if their file cannot be read.
+        errors.dedup();
         Err(InputErrors(errors))
     }
 }
@@ -78,6 +81,7 @@ struct Body<'a> {
     region: &'a RegionCase,
     /// Index of the region in the case.
     number: usize,
+    files: &'a Files,
 }
 
 impl Body<'_> {
@@ -135,26 +139,34 @@ fn formulas_of(body: &Body<'_>, field: &FieldFormula) -> Result<(Formulas, Vec<F
     let mut extents = vec![Extent::EMPTY; parameters.len() + 3 * axes.len()];
     let mut distinct = Distinct::default();
     let mut of_point = vec![PointFormulas::NONE; body.mesh.points().len()];
-    let (mut values, mut directions) = (Vec::new(), Vec::new());
+    let (mut values, mut directions) = (Vec::<(&str, f64)>::new(), Vec::<Vector3<f64>>::new());
+    let mut errors = FirstErrors::new(parameters.len() + axes.len() + 1);
     for &element in &elements {
         for point in body.mesh.points().of_element(element) {
             let place = Place { point: body.mesh.points().locate(point), position: positions[point] };
+            let at = |(k, parameter): (usize, &ParameterValues<'_>)| {
+                errors.first(k, || parameter.at(place).map(|value| (parameter.key, value)))
+            };
             values.clear();
+            values.extend(parameters.iter().enumerate().filter_map(at));
+            let along = |(k, axis): (usize, &AxisValues<'_>)| errors.first(parameters.len() + k, || axis.at(place));
             directions.clear();
-            for parameter in &parameters {
-                values.push((parameter.key, parameter.at(place)?));
-            }
-            for axis in &axes {
-                directions.push(axis.at(place)?);
+            directions.extend(axes.iter().enumerate().filter_map(along));
+            if !errors.is_empty() {
+                continue;
             }
             let components = values.iter().map(|(_, value)| *value).chain(directions.iter().flatten().copied());
             extents.iter_mut().zip(components).for_each(|(extent, value)| extent.add(value));
-            of_point[point] = distinct.index(field, &values, &directions).map_err(|error| {
-                let (what, cure) = (format!("`{}` {} at {}", field.key, error.what, place.point), error.cure);
-                InputError::at_line(&body.case.file, field.line, what, error.expected, cure)
-            })?;
+            let formula = errors.first(parameters.len() + axes.len(), || {
+                distinct.index(field, &values, &directions).map_err(|error| {
+                    let (what, cure) = (format!("`{}` {} at {}", field.key, error.what, place.point), error.cure);
+                    InputError::at_line(&body.case.file, field.line, what, error.expected, cure)
+                })
+            });
+            of_point[point] = formula.unwrap_or(PointFormulas::NONE);
         }
     }
+    errors.into_result()?;
     let formulas = PointFormulas::new(distinct.formulas, of_point).map_err(|error| {
         InputError::in_file(&body.case.file, error.to_string(), "at most 4294967294 formulas", "use fewer elements")
     })?;
@@ -172,6 +184,33 @@ fn all<T>(read: impl Iterator<Item = Result<T, InputErrors>>) -> Result<Vec<T>, 
         }
     }
     if errors.is_empty() { Ok(values) } else { Err(InputErrors(errors)) }
+}
+
+/// The first error of each parameter and axis, and of the formulas.
+struct FirstErrors(Vec<Option<InputError>>);
+
+impl FirstErrors {
+    fn new(count: usize) -> Self {
+        Self(vec![None; count])
+    }
+
+    fn is_empty(&self) -> bool {
+        self.0.iter().all(Option::is_none)
+    }
+
+    /// Returns a value of one of them unless it is, or was, an error.
+    fn first<T>(&mut self, number: usize, value: impl FnOnce() -> Result<T, InputError>) -> Option<T> {
+        let known = &mut self.0[number];
+        if known.is_some() {
+            return None;
+        }
+        value().map_err(|error| *known = Some(error)).ok()
+    }
+
+    fn into_result(self) -> Result<(), InputErrors> {
+        let errors: Vec<InputError> = self.0.into_iter().flatten().collect();
+        if errors.is_empty() { Ok(()) } else { Err(InputErrors(errors)) }
+    }
 }
 
 /// The formulas made so far, found by the bits of their values.

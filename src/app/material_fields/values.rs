@@ -1,14 +1,16 @@
 //! The values of one parameter or axis, read from its source.
 
 mod columns;
+mod files;
 
 use std::path::{Path, PathBuf};
 
 use nalgebra::Vector3;
 
+pub(super) use files::Files;
+
 use super::{Body, Place, unit};
 use crate::app::case::{AxisCase, FieldCase, FieldFormula, FieldSource, ParameterCase, Range};
-use crate::app::vtu;
 use crate::input::{InputError, InputErrors, excerpt};
 
 /// The values of a parameter.
@@ -56,7 +58,7 @@ impl<'a> ParameterValues<'a> {
     }
 
     pub fn varies(&self) -> bool {
-        !matches!(self.values, Values::Constant(_))
+        self.values.varies()
     }
 
     /// Returns the value at a point, in the range of the parameter.
@@ -65,7 +67,8 @@ impl<'a> ParameterValues<'a> {
         if self.range.contains(value) {
             return Ok(value);
         }
-        Err(self.values.error(place, &format!("{value}"), &format!("a number{}", self.range.describe())))
+        let expected = format!("a number{}", self.range.describe());
+        Err(self.values.error(place, &format!("{value}"), &expected, |key| key))
     }
 }
 
@@ -96,11 +99,11 @@ impl<'a> AxisValues<'a> {
             let (shown, expected) = (format!("{components:?}"), "a direction: three finite numbers, not all zero");
             match self {
                 Self::Components(all) => {
-                    let varying = all.iter().find(|component| !matches!(component, Values::Constant(_)));
-                    varying.unwrap_or(&all[0]).error(place, &shown, expected)
+                    let varying = all.iter().find(|component| component.varies()).unwrap_or(&all[0]);
+                    varying.error(place, &shown, expected, |key| key.rsplit_once('[').map_or(key, |(axis, _)| axis))
                 }
-                Self::Field(values) => values.error(place, &shown, expected),
-                Self::Constant(_) => Values::Constant([0.0]).error(place, &shown, expected),
+                Self::Field(values) => values.error(place, &shown, expected, |key| key),
+                Self::Constant(_) => Values::Constant([0.0]).error(place, &shown, expected, |key| key),
             }
         })
     }
@@ -125,11 +128,11 @@ impl<'a, const N: usize> Values<'a, N> {
                     let cure = "add `file = \"NAME.vtu\"`, or a CSV file with `column`";
                     InputError::at_line(&body.case.file, field.line, problem, "a mesh with arrays of cells", cure)
                 })?;
-                Self::Elements(cells(file, array, body.mesh.elements().len())?)
+                Self::Elements(cells(body, file, array)?)
             }
             FieldSource::Columns { file, columns } => {
-                let total = body.mesh.elements().len();
-                Self::Elements(columns::read(file, columns, total, elements)?)
+                let rows = body.files.rows(file)?;
+                Self::Elements(columns::parse(file, &rows, columns, (body.mesh.elements().len(), elements))?)
             }
         })
     }
@@ -145,14 +148,18 @@ impl<'a, const N: usize> Values<'a, N> {
         }
     }
 
-    /// Reports an invalid value.
-    fn error(&self, place: Place, value: &str, expected: &str) -> InputError {
+    fn varies(&self) -> bool {
+        !matches!(self, Self::Constant(_))
+    }
+
+    /// Reports an invalid value; `of` returns what is invalid, given the key of an expression.
+    fn error(&self, place: Place, value: &str, expected: &str, of: impl Fn(&str) -> &str) -> InputError {
         let [x, y, z] = place.position;
         match self {
             Self::Constant(_) => InputError::in_file(Path::new(""), value, expected, "correct the number"),
             Self::Expression(field, file) => {
                 let at = format!("x = {x:.6e}, y = {y:.6e}, z = {z:.6e} m ({})", place.point);
-                let problem = format!("`{}` is {value} at {at}", field.key);
+                let problem = format!("`{}` is {value} at {at}", of(&field.key));
                 InputError::at_line(file, field.line, problem, expected, "correct the expression")
             }
             Self::Elements(elements) => elements.error(place.point.element as usize, value, expected),
@@ -168,9 +175,10 @@ impl<const N: usize> ElementValues<N> {
     }
 }
 
-/// Reads an array of the cells of a `.vtu` file.
-fn cells<const N: usize>(file: &Path, array: &str, elements: usize) -> Result<ElementValues<N>, InputError> {
-    let read = vtu::read_array(file, array)?;
+/// Reads an array of the cells of a `.vtu` file, which are those of the mesh.
+fn cells<const N: usize>(body: &Body<'_>, file: &Path, array: &str) -> Result<ElementValues<N>, InputError> {
+    let (data, elements) = (body.files.cells(file)?, body.mesh.elements().len());
+    let read = data.array(array)?;
     let name = format!("`{}`", excerpt(array));
     let invalid = |problem, expected: String, cure: &str| InputError::at_line(file, read.line, problem, expected, cure);
     if read.components != N {
@@ -183,6 +191,9 @@ fn cells<const N: usize>(file: &Path, array: &str, elements: usize) -> Result<El
         let problem = format!("the array {name} has values of {} elements; the mesh has {elements}", values.len());
         let expected = "one cell for each element of the mesh, in the same order".to_owned();
         return Err(invalid(problem, expected, "write the array on the mesh of this case"));
+    }
+    if body.mesh_file() != Some(file) {
+        files::check_cells(body, file, &data)?;
     }
     Ok(ElementValues { file: file.into(), name, values, lines: vec![read.line] })
 }

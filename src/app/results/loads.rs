@@ -163,7 +163,8 @@ impl LoadsWriter {
         let (loads, lines) = Loads::up_to(path, completed_steps)?;
         if loads.names != names {
             let what = "has the columns of another case";
-            return Err(ResultsError::damaged(path, Some(1), what, "the surfaces, points and regions of this case"));
+            let expected = "the surfaces, points, rigid surfaces, regions and volume constraints of this case";
+            return Err(ResultsError::damaged(path, Some(1), what, expected));
         }
         replace(path, &lines.concat())?;
         let marks = lines.iter().map(|line| LineChecksum::of(line)).collect();

@@ -15,6 +15,7 @@
 //! which writes the result files, panics on damaged input and omits the last block of a compressed array of full
 //! blocks.)
 
+mod cell_data;
 mod cells;
 mod decode;
 mod file;
@@ -26,8 +27,10 @@ use std::path::Path;
 use crate::fem::mesh::gmsh::MeshFile;
 use crate::fem::mesh::parts::{Parts, make_upright};
 use crate::fem::mesh::{Elements, MeshError};
-use crate::input::{InputError, excerpt};
+use crate::input::InputError;
 
+pub(crate) use cell_data::center;
+pub use cell_data::{CellData, ElementArray, read_cells};
 use cells::{Cell, CellKind, GroupArray};
 use decode::Numbers;
 use file::Grid;
@@ -96,54 +99,6 @@ pub fn read(path: &Path) -> Result<MeshFile, InputError> {
             "correct the mesh where it was made, and export it again",
         )
     })
-}
-
-/// The values of an array of the cells, those of the cells that are elements.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ElementArray {
-    /// Line of the array in the file, from 1.
-    pub line: usize,
-    /// Number of values per element.
-    pub components: usize,
-    /// The values, element by element, in the order in which [`read`] numbers the elements.
-    pub values: Vec<f64>,
-}
-
-/// Reads an array of the cells of a file.
-///
-/// # Errors
-/// Returns [`InputError`] as [`read`] does, and if there is no array of this name or if it has a wrong number of values.
-pub fn read_array(path: &Path, name: &str) -> Result<ElementArray, InputError> {
-    let grid = file::read(path)?;
-    let points = positions(path, &grid)?.len();
-    let mut cells = cells::read(path, &grid, points)?;
-    let count = cells.len();
-    cells.sort_by_key(|cell| cell.kind);
-    let Some(array) = grid.of_cells.iter().find(|array| array.name == name) else {
-        let names: Vec<String> = grid.of_cells.iter().map(|array| format!("\"{}\"", excerpt(&array.name))).collect();
-        let problem = format!("the cells have no array \"{}\"", excerpt(name));
-        let expected = match names.is_empty() {
-            true => "arrays of cells, of which there are none".to_owned(),
-            false => format!("one of the arrays of cells: {}", names.join(", ")),
-        };
-        return Err(InputError::at_line(path, grid.line, problem, expected, "correct the name, or add the array"));
-    };
-    let numbers: Vec<f64> = match &array.numbers {
-        Numbers::Reals(numbers) => numbers.clone(),
-        Numbers::Integers(numbers) => numbers.iter().map(|&number| number as f64).collect(),
-    };
-    let components = array.components;
-    if numbers.len() != components.saturating_mul(count) {
-        let problem = format!(
-            "the array \"{}\" has {} values, {components} per cell, for {count} cells",
-            excerpt(name),
-            numbers.len()
-        );
-        return Err(InputError::at_line(path, array.line, problem, "values of every cell", file::DAMAGED));
-    }
-    let elements = cells.iter().filter(|cell| matches!(cell.kind, CellKind::Volume(_)));
-    let values = elements.flat_map(|cell| numbers[cell.number * components..][..components].iter().copied()).collect();
-    Ok(ElementArray { line: array.line, components, values })
 }
 
 /// Returns the positions of the nodes.

@@ -64,6 +64,18 @@ pub trait LoadFunction: Debug + Send + Sync {
     fn formula(&self) -> Option<&str> {
         None
     }
+
+    /// Returns true if the factor may depend on the position. A pressure on a closed surface has a symmetric stiffness only
+    /// if it does not. The default is true.
+    fn depends_on_position(&self) -> bool {
+        true
+    }
+
+    /// Returns true if the factor is a product of a function of `t`, which is finite, and a function of the position: a
+    /// factor that is finite at `t = 0` and `t = 1` is then finite at all times. The default is false.
+    fn is_separable(&self) -> bool {
+        false
+    }
 }
 
 impl PartialEq for LoadCurve {
@@ -140,6 +152,25 @@ impl LoadCurve {
             Self::Ramp => Vec::new(),
             Self::Table(table) => table.points.iter().map(|point| point[0]).collect(),
             Self::Function(function) => function.break_points(),
+        }
+    }
+
+    /// Returns the text that defines a function, if it gives one.
+    pub fn formula(&self) -> Option<&str> {
+        if let Self::Function(function) = self { function.formula() } else { None }
+    }
+
+    /// Returns true if the factor may depend on the position.
+    pub fn depends_on_position(&self) -> bool {
+        matches!(self, Self::Function(function) if function.depends_on_position())
+    }
+
+    /// Returns true if a factor that is finite at `t = 0` and `t = 1` is finite at all times; see
+    /// [`LoadFunction::is_separable`].
+    pub fn is_separable(&self) -> bool {
+        match self {
+            Self::Ramp | Self::Table(_) => true,
+            Self::Function(function) => function.is_separable(),
         }
     }
 

@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 
 use super::{
-    BoundaryError, Load, LoadCondition, LoadCurve, Source, check_finite, check_finite_at, find_surface, position_at,
+    BoundaryError, ENDS, Load, LoadCondition, LoadCurve, Source, check_finite, check_finite_at, find_surface,
+    position_at,
 };
 use crate::fem::mesh::Mesh;
 
@@ -33,6 +34,8 @@ pub struct BodyForce {
 #[derive(Clone, Debug, PartialEq)]
 struct NodalLoad {
     surface: Option<usize>,
+    /// The surface or region in messages.
+    name: String,
     /// One place if the factor does not depend on the position, otherwise the integration points.
     places: Vec<Place>,
     value: [f64; 3],
@@ -71,19 +74,15 @@ impl<'a> Places<'a> {
         }
     }
 
-    fn load(
-        mut self,
-        surface: Option<usize>,
-        value: [f64; 3],
-        name: impl Fn() -> String,
-    ) -> Result<NodalLoad, BoundaryError> {
-        for place in &self.places {
-            check_finite_at(&name, (&value, self.curve), place.position)?;
-        }
+    fn load(mut self, surface: Option<usize>, value: [f64; 3], name: String) -> Result<NodalLoad, BoundaryError> {
         if !self.sums.is_empty() {
             self.places.push(Place { position: [0.0; 3], weights: self.sums.into_iter().collect() });
         }
-        Ok(NodalLoad { surface, places: self.places, value, curve: self.curve.clone() })
+        let load = NodalLoad { surface, name, places: self.places, value, curve: self.curve.clone() };
+        if let LoadCurve::Function(_) = load.curve {
+            ENDS.into_iter().try_for_each(|t| load.check_places(t))?;
+        }
+        Ok(load)
     }
 }
 
@@ -100,7 +99,7 @@ impl LoadCondition for Traction {
                 places.add(nodes, &positions, values, (x * x + y * y + z * z).sqrt());
             });
         }
-        Ok(Box::new(places.load(Some(number), self.value, name)?))
+        Ok(Box::new(places.load(Some(number), self.value, name())?))
     }
 }
 
@@ -123,11 +122,18 @@ impl LoadCondition for BodyForce {
                 element_type.integrate(&positions, |values, volume| places.add(nodes, &positions, values, volume));
             }
         }
-        Ok(Box::new(places.load(None, self.value, name)?))
+        Ok(Box::new(places.load(None, self.value, name())?))
     }
 }
 
 impl NodalLoad {
+    /// Checks the force densities at all integration points.
+    fn check_places(&self, t: f64) -> Result<(), BoundaryError> {
+        let check =
+            |place: &Place| check_finite_at(|| self.name.clone(), (&self.value, &self.curve), t, place.position);
+        self.places.iter().try_for_each(check)
+    }
+
     fn force_density(&self, t: f64, place: &Place) -> [f64; 3] {
         let factor = self.curve.factor(t, place.position);
         self.value.map(|value| value * factor)
@@ -156,6 +162,10 @@ impl Load for NodalLoad {
 
     fn break_points(&self) -> Vec<f64> {
         self.curve.break_points()
+    }
+
+    fn check_finite(&self, t: f64) -> Result<(), BoundaryError> {
+        if self.curve.is_separable() { Ok(()) } else { self.check_places(t) }
     }
 
     fn source(&self) -> Option<Source> {

@@ -39,14 +39,17 @@ pub enum BoundaryError {
     },
     /// A load or a prescribed displacement is NaN or infinite at a position of the body.
     #[error(
-        "{place}: the value at t = {t} and x = {:.6e}, y = {:.6e}, z = {:.6e} m is {value}, which is not finite",
-        position[0], position[1], position[2]
+        "{place}: the value at t = {t} and x = {:.6e}, y = {:.6e}, z = {:.6e} m is {value}, which is not finite{}",
+        position[0], position[1], position[2],
+        formula.as_ref().map_or(String::new(), |formula| format!(" (\"{formula}\")"))
     )]
     NotFiniteAt {
         /// The condition that contains the value.
         place: String,
         /// The value.
         value: f64,
+        /// The [formula](super::LoadFunction::formula) of the factor.
+        formula: Option<Box<str>>,
         /// The pseudo-time.
         t: f64,
         /// The position in the reference state, m.
@@ -62,8 +65,11 @@ pub enum BoundaryError {
     },
     /// Two conditions prescribe different values for one displacement component.
     #[error(
-        "node {node} is given two {}-displacements: {first_value:e} m by {first} and {second_value:e} m by {second} (times their curves)",
-        component_name(*component)
+        "node {node} is given two {}-displacements: {} by {first} and {} by {second}{}",
+        component_name(*component),
+        displacement(*first_value, first_formula.as_deref()),
+        displacement(*second_value, second_formula.as_deref()),
+        curves(first_formula.is_some(), second_formula.is_some())
     )]
     Conflict {
         /// The node, from 0.
@@ -72,12 +78,16 @@ pub enum BoundaryError {
         component: usize,
         /// The first condition.
         first: String,
-        /// The value of the first condition, m.
+        /// The displacement of the first condition at a factor of 1, m.
         first_value: f64,
+        /// The [formula](super::LoadFunction::formula) of its factor.
+        first_formula: Option<Box<str>>,
         /// The second condition.
         second: String,
-        /// The value of the second condition, m.
+        /// The displacement of the second condition at a factor of 1, m.
         second_value: f64,
+        /// The formula of its factor.
+        second_formula: Option<Box<str>>,
     },
     /// A plane of symmetry is not a plane.
     #[error("surface `{surface}` is not one plane: {}", planarity(*degrees))]
@@ -89,7 +99,9 @@ pub enum BoundaryError {
     },
     /// A node of a plane of symmetry is moved out of the plane.
     #[error(
-        "node {node} lies in the symmetry plane of {plane}, but {other} moves it out of the plane (by {value:e} m times a curve)"
+        "node {node} lies in the symmetry plane of {plane}, but {other} moves it out of the plane (by {}{})",
+        displacement(*value, formula.as_deref()),
+        if formula.is_some() { "" } else { " times a curve" }
     )]
     PlaneConflict {
         /// The node, from 0.
@@ -100,6 +112,8 @@ pub enum BoundaryError {
         other: String,
         /// The displacement of that condition at a factor of 1, m.
         value: f64,
+        /// The formula of its factor.
+        formula: Option<Box<str>>,
     },
     /// A node of a rigid surface has another condition that the rigid surface does not satisfy by itself.
     #[error("node {node} belongs to the rigid {rigid}, but also to {other}")]
@@ -129,6 +143,24 @@ pub enum BoundaryError {
 
 fn list(known: &[String]) -> String {
     if known.is_empty() { "none".to_owned() } else { known.join(", ") }
+}
+
+/// Describes a displacement, m, by its formula or, without one, by its value at a factor of 1.
+fn displacement(value: f64, formula: Option<&str>) -> String {
+    match formula {
+        None => format!("{value:e} m"),
+        Some(formula) if value == 1.0 => format!("\"{formula}\" m"),
+        Some(formula) => format!("{value:e} * \"{formula}\" m"),
+    }
+}
+
+/// Completes a message with two displacements: those without a formula have curves that the message does not show.
+fn curves(first_has_formula: bool, second_has_formula: bool) -> &'static str {
+    match (first_has_formula, second_has_formula) {
+        (false, false) => " (times their curves)",
+        (true, true) => "",
+        _ => " (the number times its curve)",
+    }
 }
 
 fn planarity(degrees: f64) -> String {

@@ -44,6 +44,17 @@ pub trait Load: Debug + Send + Sync {
         Vec::new()
     }
 
+    /// Checks that the load is finite at pseudo-time `t` where it acts.
+    /// [`Boundary::check_finite`](super::Boundary::check_finite) calls it for the ends of load steps. The default is for
+    /// loads that are finite at all times if they are finite at `t = 0` and `t = 1`, where `resolve` checks them.
+    ///
+    /// # Errors
+    /// Returns [`BoundaryError::NotFiniteAt`] for the first value that is not finite.
+    fn check_finite(&self, t: f64) -> Result<(), BoundaryError> {
+        let _ = t;
+        Ok(())
+    }
+
     /// Returns the sparsity of `df/du`: the groups of nodes whose forces depend on the displacements of the same group.
     /// The default, [`CoupledNodes::None`], is for loads that do not depend on the displacements. Their forces are
     /// evaluated once per load step; those of other loads with every residual.

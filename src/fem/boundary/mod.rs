@@ -4,10 +4,11 @@
 //! implements [`LoadCondition`] and [`Load`]; nothing else in [`fem`](crate::fem) depends on the kind of load.
 //!
 //! # Shared nodes
-//! Two surfaces with prescribed displacements may share a node and prescribe the same component there. Equal values
-//! (with equal curves, unless the value is 0) are allowed; the reaction is then assigned to the first condition,
-//! surfaces before points. Different values cause a [`BoundaryError::Conflict`], so the order of the conditions never
-//! decides a displacement.
+//! Two surfaces with prescribed displacements may share a node and prescribe the same component there. Equal
+//! displacements are allowed; the reaction is then assigned to the first condition, surfaces before points. Different
+//! displacements cause a [`BoundaryError::Conflict`], so the order of the conditions never decides a displacement. Two
+//! displacements are equal if their values and curves are, or if they agree exactly at every hundredth of pseudo-time and at
+//! the break points of both curves.
 //!
 //! A plane of symmetry may share nodes with any other condition that leaves them in the plane; the conditions share the
 //! reaction by their directions. A rigid surface gets the whole reaction of its nodes; other conditions may hold only
@@ -36,6 +37,7 @@ pub use point_load::PointLoad;
 pub use prescribed::{PrescribedComponent, Source};
 pub use pressure::Pressure;
 pub(in crate::fem) use pressure::{add_pressure_stiffness, unmatched_edges};
+pub(crate) use rigid::centroid;
 pub use rigid::{RigidCondition, TimedValue};
 
 use std::sync::Arc;
@@ -50,6 +52,9 @@ use prescribed::PrescribedCollector;
 use resolve::{check_coupled_nodes, rigid_surfaces, symmetry_planes};
 use rigid::ResolvedRigid;
 use skew::{GivenDirection, SkewNode};
+
+/// Both ends of pseudo-time, at which the conditions themselves are checked.
+const ENDS: [f64; 2] = [0.0, 1.0];
 
 /// Boundary conditions resolved on a mesh.
 #[derive(Debug)]
@@ -109,6 +114,23 @@ impl Boundary {
             boundary.hold_free_modes(mesh);
         }
         Ok(boundary)
+    }
+
+    /// Checks that loads and prescribed displacements are finite at these pseudo-times, where they act on the mesh of the
+    /// conditions. Both ends of pseudo-time were checked with the conditions, which suffices for curves that are
+    /// [separable](LoadCurve::is_separable).
+    ///
+    /// # Errors
+    /// Returns [`BoundaryError::NotFiniteAt`] for the first value that is not finite.
+    pub fn check_finite(&self, mesh: &Mesh, times: &[f64]) -> Result<(), BoundaryError> {
+        let components = self.prescribed_components.iter().chain(self.skew_nodes.iter().flat_map(SkewNode::components));
+        let components: Vec<_> = components.filter(|component| !component.is_separable()).collect();
+        for &t in times {
+            components.iter().try_for_each(|component| component.check_finite(mesh, t))?;
+            self.rigid.iter().try_for_each(|rigid| rigid.check_finite(mesh, t))?;
+            self.loads.iter().try_for_each(|load| load.check_finite(t))?;
+        }
+        Ok(())
     }
 
     /// Adds the fewest zero displacements that leave no free rigid-body mode.
@@ -329,19 +351,21 @@ fn check_finite(place: impl FnOnce() -> String, values: &[f64]) -> Result<(), Bo
     }
 }
 
-/// Checks the values of a load at both ends of pseudo-time, at a position.
+/// Checks the values of a load at a pseudo-time and a position.
 fn check_finite_at(
-    place: impl Fn() -> String,
+    place: impl FnOnce() -> String,
     (values, curve): (&[f64], &LoadCurve),
+    t: f64,
     position: [f64; 3],
 ) -> Result<(), BoundaryError> {
-    for t in [0.0, 1.0] {
-        let factor = curve.factor(t, position);
-        if let Some(value) = values.iter().map(|value| value * factor).find(|value| !value.is_finite()) {
-            return Err(BoundaryError::NotFiniteAt { place: place(), value, t, position });
+    let factor = curve.factor(t, position);
+    match values.iter().map(|value| value * factor).find(|value| !value.is_finite()) {
+        Some(value) => {
+            let formula = curve.formula().map(Into::into);
+            Err(BoundaryError::NotFiniteAt { place: place(), value, formula, t, position })
         }
+        None => Ok(()),
     }
-    Ok(())
 }
 
 /// Returns the position at which the shape functions of nodes at `positions` have these values.

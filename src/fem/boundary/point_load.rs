@@ -1,7 +1,8 @@
 //! Concentrated forces on nodes.
 
 use super::{
-    BoundaryError, Load, LoadCondition, LoadCurve, PointLocation, Source, check_finite, check_finite_at, find_node,
+    BoundaryError, ENDS, Load, LoadCondition, LoadCurve, PointLocation, Source, check_finite, check_finite_at,
+    find_node,
 };
 use crate::fem::mesh::Mesh;
 
@@ -25,6 +26,8 @@ pub struct PointLoad {
 #[derive(Debug)]
 struct Concentrated {
     point: usize,
+    /// The point condition in messages.
+    place: String,
     node: u32,
     /// The reference position of the node, m.
     position: [f64; 3],
@@ -37,8 +40,16 @@ impl LoadCondition for PointLoad {
         let node = find_node(mesh, self.point, self.place)?;
         check_finite(|| Source::Point(self.point).describe(mesh), &self.value)?;
         let (position, curve) = (mesh.nodes()[node as usize], self.curve.clone());
-        check_finite_at(|| Source::Point(self.point).describe(mesh), (&self.value, &curve), position)?;
-        Ok(Box::new(Concentrated { point: self.point, node, position, value: self.value, curve }))
+        let place = Source::Point(self.point).describe(mesh);
+        let load = Concentrated { point: self.point, place, node, position, value: self.value, curve };
+        ENDS.into_iter().try_for_each(|t| load.check_finite_at(t))?;
+        Ok(Box::new(load))
+    }
+}
+
+impl Concentrated {
+    fn check_finite_at(&self, t: f64) -> Result<(), BoundaryError> {
+        check_finite_at(|| self.place.clone(), (&self.value, &self.curve), t, self.position)
     }
 }
 
@@ -54,6 +65,10 @@ impl Load for Concentrated {
 
     fn break_points(&self) -> Vec<f64> {
         self.curve.break_points()
+    }
+
+    fn check_finite(&self, t: f64) -> Result<(), BoundaryError> {
+        if self.curve.is_separable() { Ok(()) } else { self.check_finite_at(t) }
     }
 
     fn source(&self) -> Option<Source> {

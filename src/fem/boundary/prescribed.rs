@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use super::{BoundaryError, LoadCurve, check_finite, check_finite_at};
+use super::{BoundaryError, ENDS, LoadCurve, check_finite, check_finite_at};
 use crate::fem::mesh::Mesh;
 
 /// The origin of a prescribed displacement.
@@ -17,6 +17,9 @@ pub enum Source {
     /// [`Conditions::hold_free_modes`](super::Conditions::hold_free_modes).
     FreeMode,
 }
+
+/// The number of parts of pseudo-time whose ends are compared to find whether two displacements are equal.
+const COMPARED: u32 = 100;
 
 /// One prescribed displacement component.
 #[derive(Clone, Debug, PartialEq)]
@@ -44,6 +47,40 @@ impl PrescribedComponent {
     /// Returns the displacement at pseudo-time `t`, m.
     pub fn displacement(&self, t: f64) -> f64 {
         self.value * self.curve.factor(t, self.position)
+    }
+
+    /// Returns the formula of the factor.
+    pub(super) fn formula(&self) -> Option<Box<str>> {
+        self.curve.formula().map(Into::into)
+    }
+
+    /// Returns true if the displacement is 0 at all times.
+    pub(super) fn is_held(&self) -> bool {
+        self.value == 0.0 || self.compared_times(&[]).all(|t| self.displacement(t) == 0.0)
+    }
+
+    /// Returns true if two components prescribe the same displacement. Functions are compared at every hundredth of
+    /// pseudo-time and at the break points of both.
+    fn agrees_with(&self, other: &Self) -> bool {
+        if self.value == other.value && (self.value == 0.0 || self.curve == other.curve) {
+            return true;
+        }
+        self.compared_times(&other.curve.break_points()).all(|t| self.displacement(t) == other.displacement(t))
+    }
+
+    fn compared_times(&self, others: &[f64]) -> impl Iterator<Item = f64> {
+        let grid = (0..=COMPARED).map(|k| f64::from(k) / f64::from(COMPARED));
+        grid.chain(self.curve.break_points()).chain(others.to_vec())
+    }
+
+    /// Returns true if a displacement that is finite at both ends of pseudo-time is finite at all times.
+    pub(super) fn is_separable(&self) -> bool {
+        self.curve.is_separable()
+    }
+
+    /// Checks that the displacement is finite at pseudo-time `t`.
+    pub(super) fn check_finite(&self, mesh: &Mesh, t: f64) -> Result<(), BoundaryError> {
+        check_finite_at(|| self.source.describe(mesh), (&[self.value], &self.curve), t, self.position)
     }
 
     /// Returns the pseudo-times at which the velocity jumps; none for a component that is held at 0.
@@ -78,7 +115,7 @@ impl<'m> PrescribedCollector<'m> {
             for &node in nodes {
                 let (position, curve) = (self.mesh.nodes()[node as usize], Arc::clone(&curve));
                 let prescribed = PrescribedComponent { node, component, value, source, position, curve };
-                check_finite_at(|| source.describe(self.mesh), (&[value], &prescribed.curve), position)?;
+                ENDS.into_iter().try_for_each(|t| prescribed.check_finite(self.mesh, t))?;
                 self.insert(prescribed)?;
             }
         }
@@ -87,7 +124,7 @@ impl<'m> PrescribedCollector<'m> {
 
     fn insert(&mut self, new: PrescribedComponent) -> Result<(), BoundaryError> {
         let first = self.components.entry((new.node, new.component)).or_insert_with(|| new.clone());
-        if first.value == new.value && (first.value == 0.0 || first.curve == new.curve) {
+        if first.agrees_with(&new) {
             return Ok(());
         }
         Err(BoundaryError::Conflict {
@@ -95,8 +132,10 @@ impl<'m> PrescribedCollector<'m> {
             component: usize::from(new.component),
             first: first.source.describe(self.mesh),
             first_value: first.value,
+            first_formula: first.formula(),
             second: new.source.describe(self.mesh),
             second_value: new.value,
+            second_formula: new.formula(),
         })
     }
 

@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 use nalgebra::Vector3;
 
 use super::{
-    BoundaryError, CoupledNodes, Load, LoadCondition, LoadCurve, Source, check_finite, check_finite_at, find_surface,
-    position_at,
+    BoundaryError, CoupledNodes, ENDS, Load, LoadCondition, LoadCurve, Source, check_finite, check_finite_at,
+    find_surface, position_at,
 };
 use crate::fem::element::{CellType, FaceType};
 use crate::fem::mesh::{Faces, Mesh};
@@ -36,6 +36,8 @@ pub struct Pressure {
 #[derive(Debug)]
 struct FollowerPressure {
     surface: usize,
+    /// The surface in messages.
+    name: String,
     faces: Faces,
     /// Positions of the nodes of the mesh in the reference state, m.
     positions: Vec<[f64; 3]>,
@@ -47,36 +49,23 @@ struct FollowerPressure {
 impl LoadCondition for Pressure {
     fn resolve(&self, mesh: &Mesh) -> Result<Box<dyn Load>, BoundaryError> {
         let (surface, of_mesh) = find_surface(mesh, &self.surface)?;
-        check_finite(|| format!("surface `{}`", self.surface), &[self.value])?;
+        let name = format!("surface `{}`", self.surface);
+        check_finite(|| name.clone(), &[self.value])?;
         let faces = of_mesh.faces.clone();
-        if let LoadCurve::Function(_) = self.curve {
-            check_values(self, mesh, &faces)?;
-        }
-        Ok(Box::new(FollowerPressure {
+        let load = FollowerPressure {
             surface,
+            name,
             is_closed: unmatched_edges(&faces).is_empty(),
             faces,
             positions: mesh.nodes().to_vec(),
             value: self.value,
             curve: self.curve.clone(),
-        }))
+        };
+        if let LoadCurve::Function(_) = load.curve {
+            ENDS.into_iter().try_for_each(|t| load.check_points(t))?;
+        }
+        Ok(Box::new(load))
     }
-}
-
-/// Checks the pressure at the integration points of all faces.
-fn check_values(pressure: &Pressure, mesh: &Mesh, faces: &Faces) -> Result<(), BoundaryError> {
-    let mut checked = Ok(());
-    for (face_type, nodes) in faces.typed() {
-        let positions = mesh.positions_of(nodes);
-        face_type.integrate(&positions, |values, _| {
-            if checked.is_ok() {
-                let position = position_at(positions.iter().copied(), values);
-                let place = || format!("surface `{}`", pressure.surface);
-                checked = check_finite_at(place, (&[pressure.value], &pressure.curve), position);
-            }
-        });
-    }
-    checked
 }
 
 /// Returns the edges, by their corners in ascending order, that not as many faces pass in one direction as in the
@@ -119,6 +108,21 @@ pub(in crate::fem) fn add_pressure_stiffness(
 }
 
 impl FollowerPressure {
+    /// Checks the pressure at the integration points of all faces.
+    fn check_points(&self, t: f64) -> Result<(), BoundaryError> {
+        let mut checked = Ok(());
+        for (face_type, nodes) in self.faces.typed() {
+            let positions: Vec<[f64; 3]> = nodes.iter().map(|&node| self.positions[node as usize]).collect();
+            face_type.integrate(&positions, |values, _| {
+                if checked.is_ok() {
+                    let position = position_at(positions.iter().copied(), values);
+                    checked = check_finite_at(|| self.name.clone(), (&[self.value], &self.curve), t, position);
+                }
+            });
+        }
+        checked
+    }
+
     fn current(&self, nodes: &[u32], displacements: &[[f64; 3]]) -> Vec<[f64; 3]> {
         let at = |node: usize| std::array::from_fn(|i| self.positions[node][i] + displacements[node][i]);
         nodes.iter().map(|&node| at(node as usize)).collect()
@@ -158,6 +162,10 @@ impl Load for FollowerPressure {
         self.curve.break_points()
     }
 
+    fn check_finite(&self, t: f64) -> Result<(), BoundaryError> {
+        if self.curve.is_separable() { Ok(()) } else { self.check_points(t) }
+    }
+
     fn source(&self) -> Option<Source> {
         Some(Source::Surface(self.surface))
     }
@@ -166,10 +174,10 @@ impl Load for FollowerPressure {
         CoupledNodes::Faces(&self.faces)
     }
 
-    /// The pressure on a closed surface has a potential, the enclosed volume; that on an open one has none unless its
-    /// edges are held.
+    /// A pressure that is the same everywhere on a closed surface has a potential, the enclosed volume. A pressure that
+    /// depends on the reference position has none, nor has that on an open surface unless its edges are held.
     fn symmetry(&self) -> Symmetry {
-        if self.is_closed { Symmetry::Symmetric } else { Symmetry::None }
+        if self.is_closed && !self.curve.depends_on_position() { Symmetry::Symmetric } else { Symmetry::None }
     }
 
     fn add_stiffness(&self, t: f64, displacements: &[[f64; 3]], group: usize, block: &mut [f64]) {
@@ -243,6 +251,20 @@ mod tests {
         }
     }
 
+    /// A pressure that increases with depth, or with time alone.
+    #[derive(Debug)]
+    struct Varying(bool);
+
+    impl crate::fem::boundary::LoadFunction for Varying {
+        fn factor(&self, t: f64, [_, _, z]: [f64; 3]) -> f64 {
+            if self.0 { t * (1.0 - z) } else { t * t }
+        }
+
+        fn depends_on_position(&self) -> bool {
+            self.0
+        }
+    }
+
     #[test]
     fn only_closed_surfaces_have_a_symmetric_stiffness() {
         let mesh = shapes::cuboid([2, 1, 1], [1.0; 3]).unwrap();
@@ -250,5 +272,28 @@ mod tests {
         mesh.surfaces().iter().for_each(|surface| all.extend(&surface.faces));
         assert!(unmatched_edges(&all).is_empty() && !unmatched_edges(&mesh.surfaces()[0].faces).is_empty());
         assert_eq!(pressed(ElementType::Tet4).1.symmetry(), Symmetry::None);
+
+        let surface = crate::fem::mesh::Surface { name: "all".into(), faces: all };
+        let (nodes, elements) = (mesh.nodes().to_vec(), mesh.elements().clone());
+        let (region_of, regions) = (mesh.region_of().to_vec(), mesh.regions().to_vec());
+        let mesh = Mesh::new(nodes, elements, region_of, regions, vec![surface]).unwrap();
+        let symmetry = |curve| {
+            let load = Pressure { surface: "all".into(), value: 3.0, curve }.resolve(&mesh).unwrap();
+            let nodes = mesh.nodes().len();
+            let mut assembled = nalgebra::DMatrix::<f64>::zeros(3 * nodes, 3 * nodes);
+            for (group, of_face) in load.coupled_nodes().groups().enumerate() {
+                let size = 3 * of_face.len();
+                let mut block = vec![0.0; size * size];
+                load.add_stiffness(0.5, &vec![[0.0; 3]; nodes], group, &mut block);
+                let equation = |k: usize| 3 * of_face[k / 3] as usize + k % 3;
+                block.iter().enumerate().for_each(|(n, x)| assembled[(equation(n / size), equation(n % size))] += x);
+            }
+            let is_symmetric = (&assembled - assembled.transpose()).amax() < 1e-12 * assembled.amax();
+            (load.symmetry(), is_symmetric)
+        };
+        let function = |by_depth| LoadCurve::Function(std::sync::Arc::new(Varying(by_depth)));
+        assert_eq!(symmetry(LoadCurve::Ramp), (Symmetry::Symmetric, true));
+        assert_eq!(symmetry(function(false)), (Symmetry::Symmetric, true));
+        assert_eq!(symmetry(function(true)), (Symmetry::None, false));
     }
 }

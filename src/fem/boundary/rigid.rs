@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use nalgebra::Vector3;
 
-use super::{BoundaryError, LoadCurve, PrescribedComponent, Source, check_finite, check_finite_at, find_surface};
+use super::{BoundaryError, ENDS, LoadCurve, PrescribedComponent, Source, check_finite, check_finite_at, find_surface};
 use crate::fem::kinematics::{RigidMotion, RigidSurface};
 use crate::fem::mesh::{Mesh, Surface};
 
@@ -62,10 +62,7 @@ impl RigidCondition {
             components: [ux, uy, uz, rx, ry, rz],
         };
         check_finite(|| Source::Surface(number).describe(mesh), &reference)?;
-        for component in resolved.components.iter().flatten() {
-            let place = || Source::Surface(number).describe(mesh);
-            check_finite_at(place, (&[component.value], &component.curve), reference)?;
-        }
+        ENDS.into_iter().try_for_each(|t| resolved.check_finite(mesh, t))?;
         resolved.check_angle(&self.surface)?;
         Ok(resolved)
     }
@@ -90,6 +87,15 @@ impl ResolvedRigid {
             return Ok(());
         }
         Err(BoundaryError::RotationTooLarge { surface: surface.to_owned(), angle: largest })
+    }
+
+    /// Checks that the prescribed components are finite at pseudo-time `t`.
+    pub fn check_finite(&self, mesh: &Mesh, t: f64) -> Result<(), BoundaryError> {
+        let place = || Source::Surface(self.surface.surface).describe(mesh);
+        let mut components = self.components.iter().flatten();
+        components.try_for_each(|TimedValue { value, curve }| {
+            check_finite_at(place, (&[*value], curve), t, self.surface.reference)
+        })
     }
 
     /// Returns which of the six unknowns are prescribed.
@@ -122,7 +128,7 @@ impl ResolvedRigid {
 
     /// Returns true if the surface holds the displacements that a component prescribes on one of its nodes.
     pub fn agrees_with(&self, component: &PrescribedComponent) -> bool {
-        component.value == 0.0 && self.holds(usize::from(component.component))
+        component.is_held() && self.holds(usize::from(component.component))
     }
 
     pub fn break_points(&self) -> Vec<f64> {
@@ -131,7 +137,8 @@ impl ResolvedRigid {
     }
 }
 
-fn centroid(mesh: &Mesh, surface: &Surface) -> [f64; 3] {
+/// Returns the centroid of a surface, m.
+pub(crate) fn centroid(mesh: &Mesh, surface: &Surface) -> [f64; 3] {
     let (mut area, mut moment) = (0.0, Vector3::zeros());
     for (face_type, nodes) in surface.faces.typed() {
         let positions = mesh.positions_of(nodes);

@@ -99,9 +99,14 @@ impl SkewNode {
         self.given.iter().zip(shares.data.0[0]).map(|(given, share)| (given.source, given.along * share))
     }
 
+    /// Returns the components that give the displacements along some of the directions.
+    pub fn components(&self) -> impl Iterator<Item = &PrescribedComponent> {
+        self.given.iter().filter_map(|given| given.component.as_ref())
+    }
+
     /// Returns the pseudo-times at which the velocity of the node jumps.
     pub fn break_points(&self) -> impl Iterator<Item = f64> {
-        self.given.iter().filter_map(|given| given.component.as_ref()).flat_map(PrescribedComponent::break_points)
+        self.components().flat_map(PrescribedComponent::break_points)
     }
 }
 
@@ -112,7 +117,7 @@ impl GivenDirection {
     }
 
     fn is_held(&self) -> bool {
-        self.component.as_ref().is_none_or(|component| component.value == 0.0)
+        self.component.as_ref().is_none_or(PrescribedComponent::is_held)
     }
 }
 
@@ -139,8 +144,10 @@ fn conflict(
 ) -> BoundaryError {
     let planes = given.iter().chain([direction]).filter(|given| given.component.is_none());
     let plane = planes.map(|plane| plane.source.describe(mesh)).next().unwrap_or_default();
+    let (node, other) = (node as usize, moved.source.describe(mesh));
     let value = moved.component.as_ref().map_or(0.0, |component| component.value);
-    BoundaryError::PlaneConflict { node: node as usize, plane, other: moved.source.describe(mesh), value }
+    let formula = moved.component.as_ref().and_then(PrescribedComponent::formula);
+    BoundaryError::PlaneConflict { node, plane, other, value, formula }
 }
 
 /// Fills the columns from `first` on so that all are orthonormal.

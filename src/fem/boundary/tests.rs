@@ -1,3 +1,5 @@
+mod functions;
+
 use std::sync::Arc;
 
 use super::*;
@@ -33,7 +35,7 @@ fn a_shared_edge_belongs_to_the_first_condition() {
     // x1 and y0 share an edge and prescribe different x-displacements.
     let error = Boundary::new(&box_2x1x1(), &conditions).unwrap_err();
     match error {
-        BoundaryError::Conflict { node, component: 0, first, second, first_value, second_value } => {
+        BoundaryError::Conflict { node, component: 0, first, second, first_value, second_value, .. } => {
             assert_eq!((first.as_str(), second.as_str()), ("surface `y0`", "surface `x1`"));
             assert_eq!((first_value, second_value), (0.0, 0.5));
             assert_eq!(box_2x1x1().nodes()[node][..2], [2.0, 0.0]);
@@ -159,141 +161,4 @@ fn loads_couple_only_nodes_of_one_element_and_weaken_the_symmetry() {
     }
     let dead = Boundary::new(&mesh, &Conditions { loads: vec![pulled_at("x1", [1.0; 3])], ..Conditions::default() });
     assert_eq!(dead.unwrap().symmetry(Symmetry::Definite), Symmetry::Definite);
-}
-
-/// `t (1 + x y)`, with a jump of its rate.
-#[derive(Debug)]
-struct Saddle;
-
-impl LoadFunction for Saddle {
-    fn factor(&self, t: f64, [x, y, _]: [f64; 3]) -> f64 {
-        t * (1.0 + x * y)
-    }
-
-    fn break_points(&self) -> Vec<f64> {
-        vec![0.25]
-    }
-}
-
-#[test]
-fn functions_of_the_position_are_integrated_over_surfaces_and_regions() {
-    let mesh = box_2x1x1();
-    let curve = LoadCurve::Function(Arc::new(Saddle));
-    let loads: Vec<Arc<dyn LoadCondition>> = vec![
-        Arc::new(Traction { surface: "z1".into(), value: [3.0, 0.0, 0.0], curve: curve.clone() }),
-        Arc::new(Pressure { surface: "z1".into(), value: 4.0, curve: curve.clone() }),
-        Arc::new(BodyForce { region: "*".into(), value: [0.0, 5.0, 0.0], curve: curve.clone() }),
-        Arc::new(PointLoad {
-            point: 0,
-            place: PointLocation::Nearest([2.0, 1.0, 0.0]),
-            value: [0.0, 0.0, 7.0],
-            curve: curve.clone(),
-        }),
-    ];
-    let clamp = SurfaceCondition { surface: "x1".into(), displacement: [Some(0.1), None, None], curve: curve.clone() };
-    let conditions = Conditions { surfaces: vec![clamp], loads, ..Conditions::default() };
-    let boundary = Boundary::new(&mesh, &conditions).unwrap();
-    assert_eq!(boundary.break_points(), [0.25]);
-    // The integral of 1 + x y over 2 by 1 by 1 is 3.
-    let zeros = vec![[0.0; 3]; mesh.nodes().len()];
-    let expected = [[4.5, 0.0, 0.0], [0.0, 0.0, -6.0], [0.0, 7.5, 0.0], [0.0, 0.0, 10.5]];
-    for (load, expected) in boundary.loads().iter().zip(expected) {
-        let mut forces = zeros.clone();
-        load.add_forces(0.5, &zeros, &mut forces);
-        let sum = forces.iter().fold([0.0; 3], |sum, f| std::array::from_fn(|i| sum[i] + f[i]));
-        for found in [sum, load.resultant(0.5, &zeros)] {
-            // One point per triangle or tetrahedron does not integrate x y exactly.
-            assert!((0..3).all(|i| (found[i] - expected[i]).abs() <= 0.06 * expected[i].abs()), "{found:?}");
-        }
-    }
-    let mut displacements = zeros;
-    boundary.apply_prescribed(0.5, &mut displacements, &mut []);
-    for (x, u) in mesh.nodes().iter().zip(&displacements).filter(|(x, _)| x[0] == 2.0) {
-        assert!((u[0] - 0.05 * (1.0 + 2.0 * x[1])).abs() < 1e-15);
-    }
-}
-
-/// `1 / (x - from)`, which has no value at `from`.
-#[derive(Debug)]
-struct Pole {
-    from: f64,
-    formula: String,
-}
-
-impl LoadFunction for Pole {
-    fn factor(&self, t: f64, [x, ..]: [f64; 3]) -> f64 {
-        t / (x - self.from)
-    }
-
-    fn formula(&self) -> Option<&str> {
-        Some(&self.formula)
-    }
-}
-
-fn pole(from: f64) -> LoadCurve {
-    LoadCurve::Function(Arc::new(Pole { from, formula: format!("t / (x - {from})") }))
-}
-
-#[test]
-fn functions_without_a_value_at_a_node_or_point_are_reported() {
-    let mesh = box_2x1x1();
-    let refused = |conditions: Conditions| match Boundary::new(&mesh, &conditions).unwrap_err() {
-        BoundaryError::NotFiniteAt { place, t, position: [x, ..], .. } => (place, t, x),
-        other => panic!("{other}"),
-    };
-    let (surface, value) = (|name: &str| name.to_owned(), [1.0, 0.0, 0.0]);
-    let at_end = |name: &str| (surface(name), 0.0, 2.0);
-    // t / (x - 2) is 0 / 0 at t = 0.
-    let pulled = Traction { surface: surface("x1"), value, curve: pole(2.0) };
-    assert_eq!(refused(with_load(pulled)), at_end("surface `x1`"));
-    let pressed = Pressure { surface: surface("x1"), value: 1.0, curve: pole(2.0) };
-    assert_eq!(refused(with_load(pressed)), at_end("surface `x1`"));
-    let moved = SurfaceCondition { curve: pole(2.0), ..prescribed_at("x1", [Some(1.0), None, None]) };
-    assert_eq!(refused(on_surfaces(vec![moved])), at_end("surface `x1`"));
-    let force = BodyForce { region: "*".into(), value, curve: LoadCurve::Function(Arc::new(Unreal)) };
-    assert_eq!(refused(with_load(force)).0, "the body force on region `*`");
-    let place = PointLocation::Node(0);
-    let points = vec![PointCondition { place, displacement: [None; 3], curve: LoadCurve::Ramp }];
-    let load = PointLoad { point: 0, place, value, curve: pole(0.0) };
-    let loads: Vec<Arc<dyn LoadCondition>> = vec![Arc::new(load)];
-    assert_eq!(
-        refused(Conditions { points, loads, ..Conditions::default() }),
-        (surface("point condition 1"), 0.0, 0.0)
-    );
-}
-
-#[derive(Debug)]
-struct Unreal;
-
-impl LoadFunction for Unreal {
-    fn factor(&self, _: f64, _: [f64; 3]) -> f64 {
-        f64::NAN
-    }
-}
-
-#[test]
-fn functions_with_the_same_formula_agree_at_shared_nodes() {
-    let mesh = box_2x1x1();
-    let moved =
-        |name: &str, from| SurfaceCondition { curve: pole(from), ..prescribed_at(name, [Some(1.0), None, None]) };
-    assert!(Boundary::new(&mesh, &on_surfaces(vec![moved("x1", 5.0), moved("y1", 5.0)])).is_ok());
-    let other = Boundary::new(&mesh, &on_surfaces(vec![moved("x1", 5.0), moved("y1", 6.0)])).unwrap_err();
-    assert!(matches!(other, BoundaryError::Conflict { .. }), "{other}");
-}
-
-#[test]
-fn components_of_a_point_have_curves_of_their_own() {
-    let mesh = box_2x1x1();
-    let point =
-        PointCondition { place: PointLocation::Node(1), displacement: [Some(2.0), None, None], curve: LoadCurve::Ramp };
-    let own = |point| PointDisplacement { point, component: 2, value: 3.0, curve: pole(-1.0) };
-    let conditions = Conditions { points: vec![point], point_displacements: vec![own(0)], ..Conditions::default() };
-    let boundary = Boundary::new(&mesh, &conditions).unwrap();
-    let mut displacements = vec![[9.0; 3]; mesh.nodes().len()];
-    boundary.apply_prescribed(0.5, &mut displacements, &mut []);
-    let x = mesh.nodes()[1][0];
-    assert_eq!(displacements[1], [1.0, 9.0, 3.0 * (0.5 / (x + 1.0))]);
-    let unknown = Conditions { point_displacements: vec![own(1)], ..conditions };
-    let error = Boundary::new(&mesh, &unknown).unwrap_err();
-    assert_eq!(error, BoundaryError::UnknownPoint { point: 1, known: 1 });
 }

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::Table;
-use crate::input::{InputError, InputErrors, MOST_SHOWN, excerpt, without_byte_order_mark};
+use crate::input::{InputError, InputErrors, MOST_SHOWN, Row, Rows, excerpt};
 
 const EXPECTED: &str = "two numbers separated by a comma: stretch, nominal stress in Pa";
 
@@ -21,26 +21,16 @@ impl Table {
     }
 
     fn parse(file: &Path, bytes: &[u8]) -> Result<Self, InputErrors> {
-        let mut reader = csv::ReaderBuilder::new()
-            .has_headers(false)
-            .flexible(true)
-            .comment(Some(b'#'))
-            .trim(csv::Trim::All)
-            .from_reader(without_byte_order_mark(bytes));
         let (mut points, mut lines, mut errors) = (Vec::new(), Vec::new(), Vec::new());
-        for (number, record) in reader.byte_records().enumerate() {
-            let record = record.map_err(|error| {
-                let line = error.position().map_or(1, |at| at.line() as usize);
-                InputError::at_line(file, line, error.to_string(), EXPECTED, "correct the line")
-            })?;
-            let line = record.position().map_or(1, |at| at.line() as usize);
-            match point(&record) {
+        for (number, row) in Rows::new(file, bytes).enumerate() {
+            let Row { line, cells } = row?;
+            match point(&cells) {
                 Ok(point) => {
                     points.push(point);
                     lines.push(line);
                 }
                 // A header contains no number.
-                Err(_) if number == 0 && record.iter().all(|cell| number_of(cell).is_none()) => {}
+                Err(_) if number == 0 && cells.iter().all(|cell| number_of(cell).is_none()) => {}
                 Err(what) => errors.push(InputError::at_line(file, line, what, EXPECTED, "correct or remove the line")),
             }
             if errors.len() == MOST_SHOWN {
@@ -103,6 +93,7 @@ mod tests {
             ("1,0\n", "curve.csv: the table has 1 points"),
             ("0.9,-1\n1.1,1\n", "curve.csv: no point has the stretch 1"),
             ("a,b\n0.9,-1\n1,0.5\n1.1,1\n", "curve.csv:3: the stress at stretch 1 is 0.5"),
+            ("1,0\r\n# cut\r\n\r\n1.2;2\r\n", "curve.csv:4: the line has 1 column"),
             ("1,0\n\n1.2,2\n1.1,3\n", "curve.csv:4: the stretch 1.1 follows 1.2"),
             ("1,0\n1.1,3\n1.2,2\n", "curve.csv:3: the stress falls from 3 to 2"),
             ("-1,-3\n1,0\n", "curve.csv:1: the stretch is -1"),

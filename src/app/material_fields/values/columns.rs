@@ -3,61 +3,41 @@
 use std::path::Path;
 
 use super::ElementValues;
-use crate::input::{InputError, InputErrors, MOST_SHOWN, excerpt, without_byte_order_mark};
+use crate::input::{InputError, InputErrors, MOST_SHOWN, Row, Rows, excerpt};
 
 /// The column with the numbers of the elements.
 const ELEMENT: &str = "element";
 
-/// Reads `N` columns. Without the column `element`, there is one row for each of `total` elements; with it, one for each
-/// of `elements`, and others are allowed.
-pub(super) fn read<const N: usize>(
-    file: &Path,
-    columns: &[String],
-    total: usize,
-    elements: &[usize],
-) -> Result<ElementValues<N>, InputErrors> {
+/// Reads the rows of a file, the first of which names the columns.
+pub(super) fn read(file: &Path) -> Result<Vec<Row>, InputError> {
     let bytes = std::fs::read(file).map_err(|error| InputError::unreadable(file, &error))?;
-    parse(file, &bytes, columns, (total, elements))
+    Rows::new(file, &bytes).collect()
 }
 
-fn parse<const N: usize>(
+/// Parses `N` columns of a file. Without the column `element`, there is one row for each of `total` elements; with it, one
+/// for each of `elements`, and others are allowed.
+pub(super) fn parse<const N: usize>(
     file: &Path,
-    bytes: &[u8],
+    rows: &[Row],
     columns: &[String],
     (total, elements): (usize, &[usize]),
 ) -> Result<ElementValues<N>, InputErrors> {
-    let mut reader = csv::ReaderBuilder::new()
-        .has_headers(false)
-        .flexible(true)
-        .comment(Some(b'#'))
-        .trim(csv::Trim::All)
-        .from_reader(without_byte_order_mark(bytes));
-    let mut records = reader.byte_records();
-    let malformed = |error: csv::Error| {
-        let line = error.position().map_or(1, |at| at.line() as usize);
-        InputError::at_line(file, line, error.to_string(), "a row of a CSV file", "correct the line")
-    };
-    let header = records.next().transpose().map_err(malformed)?.unwrap_or_default();
-    let header = Header::find::<N>(file, &header, columns)?;
+    let (names, rows) = rows.split_first().map_or((None, rows), |(names, rows)| (Some(names), rows));
+    let header = Header::find(file, names, columns)?;
     let (mut values, mut lines, mut errors) = (vec![[f64::NAN; N]; total], vec![0; total], Vec::new());
-    let mut rows = 0;
-    for record in records {
-        let record = record.map_err(malformed)?;
-        let line = record.position().map_or(1, |at| at.line() as usize);
-        let row = header.row::<N>(&record, (rows, total), &lines);
-        rows += 1;
-        match row {
-            Ok((element, of_row)) => (values[element], lines[element]) = (of_row, line),
+    for (number, Row { line, cells }) in rows.iter().enumerate() {
+        match header.row::<N>(cells, (number, total), &lines) {
+            Ok((element, of_row)) => (values[element], lines[element]) = (of_row, *line),
             Err([problem, expected]) => {
-                errors.push(InputError::at_line(file, line, problem, expected, "correct or remove the line"));
+                errors.push(InputError::at_line(file, *line, problem, expected, "correct or remove the line"));
             }
         }
         if errors.len() == MOST_SHOWN {
             break;
         }
     }
-    if errors.is_empty() && header.element.is_none() && rows != total {
-        let problem = format!("the file has {rows} rows of values; the mesh has {total} elements");
+    if errors.is_empty() && header.element.is_none() && rows.len() != total {
+        let problem = format!("the file has {} rows of values; the mesh has {total} elements", rows.len());
         let cure = "add the missing rows, or a column `element` with the number of each element, from 0";
         errors.push(InputError::in_file(file, problem, "one row for each element of the mesh", cure));
     }
@@ -81,15 +61,15 @@ struct Header {
 }
 
 impl Header {
-    fn find<const N: usize>(file: &Path, names: &csv::ByteRecord, columns: &[String]) -> Result<Self, InputErrors> {
-        let line = names.position().map_or(1, |at| at.line() as usize);
+    fn find(file: &Path, row: Option<&Row>, columns: &[String]) -> Result<Self, InputErrors> {
+        let (line, names) = row.map_or_else(Default::default, |row| (Some(row.line), row.cells.clone()));
         let place = |name: &str| names.iter().position(|cell| cell == name.as_bytes());
         let listed: Vec<String> =
             names.iter().map(|cell| format!("\"{}\"", excerpt(&String::from_utf8_lossy(cell)))).collect();
         let missing = |column: &String| {
-            let expected = format!("names of columns in the first line, which has {}", listed.join(", "));
+            let expected = format!("names of columns in the first row, which has {}", listed.join(", "));
             let problem = format!("there is no column \"{}\"", excerpt(column));
-            InputError::at_line(file, line, problem, expected, "correct the name, or add the column")
+            InputError { line, ..InputError::in_file(file, problem, expected, "correct the name, or add the column") }
         };
         let found: Vec<Result<usize, InputError>> =
             columns.iter().map(|column| place(column).ok_or_else(|| missing(column))).collect();
@@ -139,7 +119,9 @@ mod tests {
 
     fn values(text: &str, columns: &[&str]) -> Result<Vec<[f64; 1]>, String> {
         let columns: Vec<String> = columns.iter().map(|column| (*column).to_owned()).collect();
-        let parsed = parse::<1>(Path::new("f.csv"), text.as_bytes(), &columns, (3, &[0, 2]));
+        let file = Path::new("f.csv");
+        let rows: Vec<Row> = Rows::new(file, text.as_bytes()).map(Result::unwrap).collect();
+        let parsed = parse::<1>(file, &rows, &columns, (3, &[0, 2]));
         parsed.map(|read| read.values).map_err(|errors| errors.to_string())
     }
 
@@ -163,7 +145,9 @@ mod tests {
             ("element,E\n0,1\n", "f.csv: 1 elements have no row, the first of them element 2"),
             ("element,E\n0,1\n2,1\n0,2\n", "f.csv:4: element 0 has a row at line 2 already"),
             ("element,E\n-1,1\n", "f.csv:2: the element is `-1`"),
-            ("", "f.csv:1: there is no column \"E\""),
+            ("# moduli\r\nE\r\n1\r\n\r\n2 Pa\r\n", "f.csv:5: `2 Pa` is not a number"),
+            ("# moduli\n\nF\n1\n", "f.csv:3: there is no column \"E\""),
+            ("", "f.csv: there is no column \"E\""),
         ] {
             let found = values(text, &["E"]).unwrap_err();
             assert_eq!(found.lines().next().unwrap(), expected, "{text}");
