@@ -175,6 +175,11 @@ fn located(case: &Case, error: &BoundaryError) -> InputErrors {
                     .into(),
                 "prescribe these components of `rigid`, or leave the nodes out of one of the two surfaces",
             ),
+            BoundaryError::RotationTooLarge { surface, .. } => (
+                line_of(case, &format!("surface `{surface}`")),
+                "a rotation below 2 pi rad, or all three components prescribed".into(),
+                "prescribe all components of `rotation`, such as 0.0 for the others",
+            ),
             BoundaryError::NotInOneElement(_) => {
                 (None, "loads whose nodes belong to one element".into(), "correct the load")
             }
@@ -229,6 +234,9 @@ pub fn hint_of_constraint(error: &ConstraintError) -> (&'static str, &'static st
             "surfaces that together are closed, with normals that point out of the body",
             "add the surfaces that close the gap to `cavity`, or correct the physical surface in the mesh",
         ),
+        ConstraintError::RepeatedFace { .. } => {
+            ("surfaces without common faces", "name each surface once, and only one of two surfaces that overlap")
+        }
         ConstraintError::NotACavity { .. } => (
             "surfaces around a cavity, with the body outside of it",
             "name the inner surfaces; to control the volume of the body itself, constrain a `region`",

@@ -1,25 +1,23 @@
 //! Equilibrium of the body as a nonlinear problem: find the displacements at which internal and external forces
 //! balance.
 
+mod checks;
 mod constraints;
+mod linearize;
 
 use std::sync::Arc;
-use std::time::Instant;
 
 use nalgebra::Matrix3;
 use thiserror::Error;
 
 use super::assembly::Assembler;
-use super::boundary::{Boundary, Source};
+use super::boundary::Boundary;
 use super::constraint::{Constraints, VolumeState};
 use super::kinematics::RigidMotion;
 use super::mesh::Mesh;
 use super::point_field::{PointField, PointResponses};
 use super::reactions::BoundaryForces;
-use crate::las::{
-    Backend, Border, MatrixOps, NewtonSeconds, NewtonSystem, NonlinearProblem, RealBackend, ResidualScale, SolveError,
-    Solver, VectorOps,
-};
+use crate::las::{Backend, Border, NonlinearProblem, RealBackend, ResidualScale, VectorOps};
 use constraints::Volumes;
 
 /// The reason why the body has no residual at a state, or why a state cannot be committed.
@@ -41,9 +39,10 @@ pub enum EquilibriumError<E, F> {
     /// of times that equilibrium was restored.
     #[error("points still change their material after equilibrium was restored {0} times at this load")]
     StillChanging(usize),
-    /// The loads do not balance, although the body has only the supports against free rigid-body modes.
+    /// The loads do not balance on the deformed body, and nothing but the supports against free rigid-body modes holds
+    /// it.
     #[error(
-        "the loads do not balance: a support against a rigid-body mode exerts {force:.3e} N (at most {limit:.3e} N are due to rounding and the tolerance)"
+        "the forces or moments of the loads do not balance on the deformed body: a support against a rigid-body mode exerts {force:.3e} N (at most {limit:.3e} N are due to rounding and the tolerance)"
     )]
     UnbalancedLoads {
         /// The largest force component, N.
@@ -88,7 +87,8 @@ pub struct BodyState {
     pub gradients: Vec<Matrix3<f64>>,
     /// Energy, stress and tangent of each point.
     pub responses: PointResponses,
-    /// Internal force at each node, N, including prescribed components, and including the pressures of constrained regions.
+    /// Internal force at each node, N, including prescribed components, and including the pressures of constrained
+    /// regions.
     pub internal: Vec<[f64; 3]>,
     /// External force at each node, N, including the pressures of constrained cavities.
     pub external: Vec<[f64; 3]>,
@@ -249,46 +249,6 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
         self.trial.volumes.copy_from_slice(&self.committed.volumes);
     }
 
-    /// Checks that the forces of the trial state, as they are about to be committed and written, balance, and that the
-    /// constraints hold: the norm of the residual of the free unknowns and constraints, which Newton also uses, must not
-    /// exceed ten times the threshold at which
-    /// Newton stops with this tolerance. The internal forces are summed again from the stresses, so the check detects
-    /// stresses that changed after Newton converged; the factor allows for iterative solvers and other orders of
-    /// summation.
-    ///
-    /// # Errors
-    /// Returns [`EquilibriumError::OutOfBalance`] if the residual is too large.
-    pub(super) fn check_balance(&mut self, tolerance: f64) -> Result<(), EquilibriumError<P::Error, B::Error>> {
-        const FACTOR: f64 = 10.0;
-        let trial = &mut self.trial;
-        self.assembler.internal_forces(&trial.displacements, &trial.responses.pk1, &mut trial.internal);
-        self.add_region_forces();
-        self.set_net_forces();
-        let residual = self.assembler.free_norm(&mut self.nodal, &self.trial.rigid);
-        let residual = residual.hypot(self.volumes.residual(&self.trial.volumes));
-        let limit = (tolerance * self.scale()).max(self.residual_floor());
-        // A NaN residual also fails.
-        if residual <= FACTOR * limit {
-            self.check_supports(FACTOR * limit)
-        } else {
-            Err(EquilibriumError::OutOfBalance { residual, limit })
-        }
-    }
-
-    /// Checks that the supports against free rigid-body modes exert no force on the body. If the loads balance, these
-    /// forces are sums over all nodes of the residual, whose norm is at most `residual`.
-    fn check_supports(&self, residual: f64) -> Result<(), EquilibriumError<P::Error, B::Error>> {
-        let mut force: f64 = 0.0;
-        self.boundary.reactions(&self.trial.internal, &self.trial.external, |source, reaction| {
-            if source == Source::FreeMode {
-                force = reaction.iter().fold(force, |most, component| most.max(component.abs()));
-            }
-        });
-        // By the inequality of Cauchy and Schwarz; the factor allows for the lever arms of rotations.
-        let limit = 10.0 * residual * (self.trial.displacements.len() as f64).sqrt();
-        if force <= limit { Ok(()) } else { Err(EquilibriumError::UnbalancedLoads { force, limit }) }
-    }
-
     /// Writes internal minus external forces of the trial state into the work array.
     fn set_net_forces(&mut self) {
         net_forces(&self.trial, &mut self.nodal);
@@ -315,8 +275,8 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
         Ok(self.field.revert()?)
     }
 
-    /// Commits the state with these displacements, motions and pressures at pseudo-time `t`, independently of the previously
-    /// committed one.
+    /// Commits the state with these displacements, motions and pressures at pseudo-time `t`, independently of the
+    /// previously committed one.
     pub(super) fn restore_at(
         &mut self,
         t: f64,
@@ -345,56 +305,14 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
         self.evaluate_external_forces();
     }
 
-    /// Starts a step to pseudo-time `t` from the linearization of the committed state: solves
-    /// `K du = f_ext(t) - f_int - K_fc dg` with the tangent stiffness `K` of the committed state and the increments
-    /// `dg` of the prescribed displacements. From the undeformed body this is the linear-elastic solution. `f_ext` is
-    /// evaluated with `dg` applied, so `K_fc` is the stiffness of the elements alone. Constraints border this system.
-    ///
-    /// # Errors
-    /// Returns the [`SolveError`] of the solver; the trial state is then as [`Equilibrium::begin_step`] leaves it.
-    pub fn linearize(&mut self, t: f64, system: &mut NewtonSystem<B>) -> Result<NewtonSeconds, SolveError<B::Error>> {
-        self.begin_step(t);
-        if system.residual.is_empty() {
-            return Ok(NewtonSeconds::default());
-        }
-        let start = Instant::now();
-        let moved = self.trial.displacements.iter().zip(&self.committed.displacements);
-        let increments: Vec<[f64; 3]> = moved.map(|(new, old)| std::array::from_fn(|i| new[i] - old[i])).collect();
-        let BodyState { displacements, responses, .. } = &self.committed;
-        self.assembler.linearized_forces(displacements, responses, &increments, &mut self.nodal);
-        self.linearize_constraint_forces(&increments);
-        for ((force, external), internal) in
-            self.nodal.iter_mut().zip(&self.trial.external).zip(&self.committed.internal)
-        {
-            *force = std::array::from_fn(|i| external[i] - internal[i] - force[i]);
-        }
-        scatter(&self.assembler, &mut self.nodal, &self.committed.rigid, &mut system.residual)?;
-        self.linearize_constraints(&increments, system)?;
-        net_forces(&self.committed, &mut self.nodal);
-        let loaded = Instant::now();
-        system.matrix.assemble(|k| self.add_tangent(&self.committed, t, k))?;
-        let assembled = Instant::now();
-        system.solver.factor(&system.matrix)?;
-        let factored = Instant::now();
-        system.solve_linear()?;
-        self.advance_pressures(1.0, &system.border.increments);
-        self.advance_displacements(1.0, &system.direction)?;
-        Ok(NewtonSeconds {
-            residual: (loaded - start).as_secs_f64(),
-            jacobian: (assembled - loaded).as_secs_f64(),
-            factor: (factored - assembled).as_secs_f64(),
-            solve: factored.elapsed().as_secs_f64(),
-        })
-    }
-
     /// Evaluates the external forces of the trial state.
     fn evaluate_external_forces(&mut self) {
         let trial = &mut self.trial;
         self.boundary.external_forces(trial.t, &trial.displacements, &mut trial.external);
     }
 
-    /// Adds the tangent stiffness of the points and of the loads at pseudo-time `t` to `k`, and that of the rigid surfaces
-    /// under the net forces in the work array.
+    /// Adds the tangent stiffness of the points and of the loads at pseudo-time `t` to `k`, and that of the rigid
+    /// surfaces under the net forces in the work array.
     fn add_tangent(&self, state: &BodyState, t: f64, k: &mut B::Matrix) -> Result<(), B::Error> {
         let BodyState { displacements, rigid, responses, .. } = state;
         self.assembler.stiffness(displacements, rigid, responses, k)?;
@@ -418,7 +336,8 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
     }
 }
 
-/// Writes the forces on nodes, at these motions of the rigid surfaces, into `r` at the free unknowns; overwrites `forces`.
+/// Writes the forces on nodes, at these motions of the rigid surfaces, into `r` at the free unknowns; overwrites
+/// `forces`.
 fn scatter<B: RealBackend>(
     assembler: &Assembler<B>,
     forces: &mut [[f64; 3]],
@@ -440,9 +359,9 @@ fn net_forces(state: &BodyState, net: &mut [[f64; 3]]) {
 impl<B: RealBackend, P: PointField> NonlinearProblem<B> for Equilibrium<B, P> {
     type Error = EquilibriumError<P::Error, B::Error>;
 
-    /// Evaluates `r = f_int - f_ext` of the free unknowns, N. The scale is the larger norm of the two over all nodes, or
-    /// that of the forces of a constraint; the floor is [`Assembler::rounding_error`] of the undeformed body, and the
-    /// rounding of the constrained volumes.
+    /// Evaluates `r = f_int - f_ext` of the free unknowns, N. The scale is the larger norm of the two over all nodes,
+    /// or that of the forces of a constraint; the floor is [`Assembler::rounding_error`] of the undeformed body, and
+    /// the rounding of the constrained volumes.
     fn residual(&mut self, r: &mut B::Vector) -> Result<ResidualScale, Self::Error> {
         self.evaluate_points()?;
         // The forces of dead loads are those of `begin_step`.
@@ -464,13 +383,17 @@ impl<B: RealBackend, P: PointField> NonlinearProblem<B> for Equilibrium<B, P> {
         self.advance_displacements(a, d).map_err(EquilibriumError::Backend)
     }
 
+    fn is_settled(&self, tolerance: f64) -> bool {
+        self.constraints_hold(tolerance, 1.0)
+    }
+
     fn is_final(error: &Self::Error) -> bool {
         match error {
             EquilibriumError::PointField(error) => P::is_final(error),
-            EquilibriumError::Backend(_) => true,
+            // Smaller increments end in states that are out of balance too.
+            EquilibriumError::Backend(_) | EquilibriumError::UnbalancedLoads { .. } => true,
             EquilibriumError::OffBranch(_)
             | EquilibriumError::StillChanging(_)
-            | EquilibriumError::UnbalancedLoads { .. }
             | EquilibriumError::VolumeNotReached { .. }
             | EquilibriumError::OutOfBalance { .. } => false,
         }

@@ -15,19 +15,18 @@
 //! ```
 //!
 //! [`mesh`] holds geometry and names, [`element`] the shape functions, and [`material`] constitutive formulas.
-//! [`kinematics`] maps the unknowns to displacements where they are not the components at a node, and [`constraint`] holds
-//! or drives volumes of regions and cavities.
-//! [`point_field`] is the interface between body and material: an implementation of [`point_field::PointField`]
-//! supplies stress and tangent at all integration points, from a formula or from thousands of fiber networks. The
-//! assembler does not depend on the constitutive model, the constitutive model does not depend on the mesh, and neither
-//! depends on the library that solves the linear system.
+//! [`kinematics`] maps the unknowns to displacements where they are not the components at a node, and [`constraint`]
+//! holds or drives volumes of regions and cavities. [`point_field`] is the interface between body and material: an
+//! implementation of [`point_field::PointField`] supplies stress and tangent at all integration points, from a formula
+//! or from thousands of fiber networks. The assembler does not depend on the constitutive model, the constitutive model
+//! does not depend on the mesh, and neither depends on the library that solves the linear system.
 //!
 //! # Limits
 //! Elements are displacement elements ([`element::ElementType`]). Linear ones lock in nearly incompressible materials;
 //! patches ([`mesh::Mesh::with_patches`]) prevent it for hexahedra and tetrahedra, with an unsymmetric tangent. The
 //! tangent of the other elements is symmetric, because stresses derive from an energy; that of a load
-//! ([`boundary::Load`]) may be unsymmetric, but couples only nodes of one element. A constraint couples more nodes by scalar
-//! multipliers ([`Border`](crate::las::Border)).
+//! ([`boundary::Load`]) may be unsymmetric, but couples only nodes of one element. A constraint couples more nodes by
+//! scalar multipliers ([`Border`](crate::las::Border)).
 
 pub mod assembly;
 pub mod boundary;

@@ -1,9 +1,10 @@
 //! Forces on the body through each surface and each point condition.
 //!
 //! At a prescribed component the support exerts the reaction `f_int - f_ext`. Each reaction is counted once, for the
-//! first condition that prescribes the component; on a rigid surface it is the whole force on the node. The force through a surface or a point is the sum of its reactions and of
-//! the loads on it. Free components satisfy `f_int = f_ext`, and internal forces sum to zero. Hence the forces over all
-//! surfaces and points sum to minus the body forces, up to the tolerance of Newton.
+//! first condition that prescribes the component; on a rigid surface it is the whole force on the node. The force
+//! through a surface or a point is the sum of its reactions and of the loads on it. Free components satisfy `f_int =
+//! f_ext`, and internal forces sum to zero. Hence the forces over all surfaces and points sum to minus the body forces,
+//! up to the tolerance of Newton.
 
 use nalgebra::Vector3;
 
@@ -41,8 +42,8 @@ pub struct PointForce {
 pub struct RigidForce {
     /// Index into [`BoundaryForces::surfaces`], whose force contains that of the rigid surface.
     pub surface: usize,
-    /// The moment of the reactions of the surface about its displaced reference point, exerted on the body, N m; without
-    /// that of other loads on the surface.
+    /// The moment of the reactions of the surface about its displaced reference point, exerted on the body, N m;
+    /// without that of other loads on the surface.
     pub moment: [f64; 3],
     /// The motion.
     pub motion: RigidMotion,

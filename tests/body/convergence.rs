@@ -1,5 +1,5 @@
-//! Manufactured solutions: body force, traction and prescribed displacements of a smooth displacement field, which every
-//! element type approximates with the order of its shape functions, in linear elasticity and at finite strain.
+//! Manufactured solutions: body force, traction and prescribed displacements of a smooth displacement field, which
+//! every element type approximates with the order of its shape functions, in linear elasticity and at finite strain.
 
 use std::sync::Arc;
 

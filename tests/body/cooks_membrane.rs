@@ -64,8 +64,8 @@ fn deflection(mesh: Mesh) -> (f64, usize) {
 }
 
 /// Elements per edge, and the published deflections with F-bar and without, mm; both series of OpenGeoSys are
-/// two-dimensional. `(J0 / J)^(1/3)` of a hexahedron differs from `(J0 / J)^(1/2)` of a quadrilateral, which matters for
-/// coarse meshes.
+/// two-dimensional. `(J0 / J)^(1/3)` of a hexahedron differs from `(J0 / J)^(1/2)` of a quadrilateral, which matters
+/// for coarse meshes.
 const PUBLISHED: [(usize, f64, f64); 6] = [
     (4, 6.141, 2.287),
     (10, 6.746, 2.841),

@@ -12,9 +12,9 @@ use biotissue::fem::point_field::FormulaField;
 use biotissue::fem::stepping::{StepParams, Stepper};
 use nalgebra::Vector3;
 
-/// The fibers lie along the beam. The height is 4.141 mm on this mesh of linear hexahedra with F-bar, 4.019 mm with half as
-/// many elements along the beam and 4.151 mm with twice as many across it. A bulk modulus of 1 MPa, 500 times the stress
-/// scale of the material, keeps the volume constant up to 0.1 %; one tenth of it raises the tip by 0.014 mm.
+/// The fibers lie along the beam. The height is 4.141 mm on this mesh of linear hexahedra with F-bar, 4.019 mm with
+/// half as many elements along the beam and 4.151 mm with twice as many across it. A bulk modulus of 1 MPa, 500 times
+/// the stress scale of the material, keeps the volume constant up to 0.1 %; one tenth of it raises the tip by 0.014 mm.
 #[test]
 fn the_tip_of_the_beam_rises_as_published() {
     let mesh = shapes::cuboid_of(ElementType::Hex8, [40, 2, 4], [10e-3, 1e-3, 1e-3]).unwrap().with_patches(|_| true);

@@ -257,6 +257,27 @@ fn contradictory_planes_and_curved_surfaces_are_refused() {
     assert!(error.to_string().contains("symmetry plane of surface `x0`"), "{error}");
 }
 
+/// A sector of a tube between inclined planes in a grip that pulls along the axis, which keeps the planes.
+#[test]
+fn a_rigid_surface_may_share_nodes_with_an_inclined_plane_that_it_keeps() {
+    let frame = Rotation3::from_axis_angle(&Vector3::x_axis(), 0.5);
+    let mesh = turned(&shapes::cuboid_of(ElementType::Hex8, [3, 2, 2], [2.0, 1.0, 1.0]).unwrap(), &frame);
+    let pulled = |rotation| Conditions {
+        symmetry_planes: vec!["x0".into(), "y0".into(), "z0".into()],
+        rigid: vec![rigid("x1", [Some(0.2), Some(0.0), Some(0.0)], rotation)],
+        ..Conditions::default()
+    };
+    let body = solved(mesh.clone(), &pulled([Some(0.0); 3]), 1);
+    assert!(Vector3::from(body.forces().sum()).norm() < 1e-7);
+    assert!(body.forces().surfaces[1].force[0] > 1.0);
+    let error = setup(mesh.clone(), &pulled([Some(0.0), None, Some(0.0)]), 1).err().unwrap().to_string();
+    assert!(error.contains("belongs to the rigid surface `x1`, but also to surface"), "{error}");
+    let spun =
+        Conditions { symmetry_planes: Vec::new(), surfaces: vec![clamp("x0")], ..pulled([Some(6.3), None, None]) };
+    let error = setup(mesh, &spun, 1).err().unwrap().to_string();
+    assert!(error.starts_with("surface `x1` is turned by 6.3000 rad while a component"), "{error}");
+}
+
 /// A box under pressure from all sides and a box pulled at both ends need no supports; those that are added exert no
 /// force and cause no stress.
 #[test]
@@ -294,7 +315,7 @@ fn loads_that_do_not_balance_are_refused() {
     };
     let mut body = setup(mesh.clone(), &conditions, 1).unwrap();
     let error = body.run(&mut ()).unwrap_err().to_string();
-    assert!(error.contains("the loads do not balance"), "{error}");
+    assert!(error.contains("do not balance on the deformed body"), "{error}");
     // Supports are added only against modes that the other conditions leave.
     let point = PointLoad {
         point: 0,

@@ -1,12 +1,12 @@
-//! The tangent of the body, with F-bar and with loads that depend on the displacements, is the derivative of the residual
-//! for every element type.
+//! The tangent of the body, with F-bar and with loads that depend on the displacements, is the derivative of the
+//! residual for every element type.
 
 use std::sync::Arc;
 
 use biotissue::backends::sparse::Sparse;
 use biotissue::fem::assembly::{Assembler, Unknowns, geometry};
 use biotissue::fem::boundary::{
-    Boundary, Conditions, Foundation, LoadCurve, LoadFunction, PointCondition, PointLocation, Pressure,
+    Boundary, Conditions, Foundation, LoadCurve, LoadFunction, PointCondition, PointLocation, Pressure, RigidCondition,
     SurfaceCondition, Traction,
 };
 use biotissue::fem::element::ElementType;
@@ -15,6 +15,7 @@ use biotissue::fem::material::NeoHookean;
 use biotissue::fem::mesh::{Mesh, shapes};
 use biotissue::fem::point_field::FormulaField;
 use biotissue::las::{Backend, MatrixOps, NonlinearProblem, VectorOps};
+use nalgebra::{Rotation3, Vector3};
 
 use crate::meshes::mixed;
 
@@ -25,7 +26,10 @@ pub fn assert_tangent_is_the_derivative(mesh: Mesh, material: NeoHookean, condit
     let nodes = mesh.nodes().len();
     let boundary = Boundary::new(&mesh, conditions).unwrap();
     let prescribed = boundary.prescribed_mask(nodes);
-    let unknowns = Unknowns::new(nodes, |node, component| prescribed[node][component]).unwrap();
+    let unknowns = Unknowns::new(nodes, |node, component| prescribed[node][component])
+        .unwrap()
+        .with_kinematics(boundary.kinematics(), &boundary.prescribed_of_rigid_surfaces())
+        .unwrap();
     let mut k = Sparse::matrix(&(), &Arc::new(unknowns.pattern(&mesh).unwrap())).unwrap();
     let mut assembler = Assembler::<Sparse>::new(geometry(&mesh).unwrap(), &unknowns, &k).unwrap();
     assembler.locate_loads(boundary.loads(), &k).unwrap();
@@ -117,4 +121,37 @@ fn the_tangent_of_a_mixed_body_is_the_derivative_of_the_residual() {
     });
     let conditions = Conditions { points: points.collect(), ..Conditions::default() };
     assert_tangent_is_the_derivative(mesh, NeoHookean { mu: 30.0, lambda: 500.0 }, &conditions, 1e-6);
+}
+
+/// A plane of symmetry that is inclined to the axes, and a rigid surface that turns about a given axis and is free
+/// otherwise, with loads on both.
+#[test]
+fn the_tangent_with_frames_and_rigid_surfaces_is_the_derivative_of_the_residual() {
+    let material = NeoHookean { mu: 30.0, lambda: 50.0 };
+    let frame = Rotation3::from_euler_angles(0.4, -0.7, 1.1);
+    for element_type in ElementType::ALL {
+        let cells = if element_type == ElementType::Tet10 { [1, 1, 1] } else { [2, 1, 1] };
+        let straight = shapes::cuboid_of(element_type, cells, [1.0, 0.7, 0.5]).unwrap();
+        let nodes = straight.nodes().iter().map(|&x| (frame * Vector3::from(x)).into()).collect();
+        let (elements, regions) = (straight.elements().clone(), straight.regions().to_vec());
+        let region_of = straight.region_of().to_vec();
+        let mesh = Mesh::new(nodes, elements, region_of, regions, straight.surfaces().to_vec()).unwrap();
+        let turned = RigidCondition {
+            surface: "x1".into(),
+            reference: Some([0.9, 0.2, -0.3]),
+            displacement: [Some(0.1.into()), None, None],
+            rotation: [None, Some(0.8.into()), None],
+        };
+        let conditions = Conditions {
+            symmetry_planes: vec!["x0".into()],
+            rigid: vec![turned],
+            loads: conditions().loads,
+            ..Conditions::default()
+        };
+        assert_tangent_is_the_derivative(mesh.clone(), material, &conditions, 1e-6);
+        let patched = mesh.with_patches(|_| true);
+        if !patched.patches().is_empty() {
+            assert_tangent_is_the_derivative(patched, material, &conditions, 1e-6);
+        }
+    }
 }

@@ -10,13 +10,13 @@
 //! proportional to `mu / lambda`. Two comparisons replace one with two errors:
 //! - [`radial_pressure`] integrates the radial equilibrium for any `lambda`. Extrapolated from `lambda / mu = 1000` and
 //!   2000 (`nu = 0.4995` and 0.49975) to infinity by `2 p(2000) - p(1000)`, it gives the published pressures.
-//! - Finite elements are compared with the radial equilibrium for the same `lambda / mu = 1000`. The pressures of two meshes
-//!   of linear hexahedra with F-bar are extrapolated to an element size of 0 by `(4 p(h) - p(2 h)) / 3`, and those of
-//!   `lambda / mu = 1000` and 2000 to the incompressible limit as above.
+//! - Finite elements are compared with the radial equilibrium for the same `lambda / mu = 1000`. The pressures of two
+//!   meshes of linear hexahedra with F-bar are extrapolated to an element size of 0 by `(4 p(h) - p(2 h)) / 3`, and
+//!   those of `lambda / mu = 1000` and 2000 to the incompressible limit as above.
 //!
 //! The pressure of the sphere has a maximum below an inner stretch of 2, where an increasing pressure has no
-//! equilibrium. The displacement of the inner surface is therefore prescribed; the pressure is the work of its reactions
-//! on an increment of the stretch over the increment of the enclosed volume.
+//! equilibrium. The displacement of the inner surface is therefore prescribed; the pressure is the work of its
+//! reactions on an increment of the stretch over the increment of the enclosed volume.
 
 use std::sync::Arc;
 
@@ -72,9 +72,9 @@ fn radial_stretch(n: i32, l: f64, stress: f64, around: f64) -> f64 {
     radial
 }
 
-/// Returns `p / mu` of a wall between the radii 1 and 2: integrates `dr/dR = lambda_r` and
-/// `dP_r/dR = n (P_theta - P_r) / R` by the rule of Runge and Kutta from the inner surface, with the radial stress there
-/// that makes the outer surface free.
+/// Returns `p / mu` of a wall between the radii 1 and 2: integrates `dr/dR = lambda_r` and `dP_r/dR = n (P_theta - P_r)
+/// / R` by the rule of Runge and Kutta from the inner surface, with the radial stress there that makes the outer
+/// surface free.
 fn radial_pressure(wall: Wall, l: f64, stretch: f64) -> f64 {
     const STEPS: usize = 400;
     let n = wall.circumferential();
@@ -248,8 +248,8 @@ fn enclosed(dimensions: i32, mesh: &Mesh) -> f64 {
     volume
 }
 
-/// Returns the pressures of linear hexahedra with F-bar on the finer of two meshes, whose error is of the order of `h^2`,
-/// and their extrapolation to `h = 0`.
+/// Returns the pressures of linear hexahedra with F-bar on the finer of two meshes, whose error is of the order of
+/// `h^2`, and their extrapolation to `h = 0`.
 fn with_f_bar(wall: Wall, l: f64) -> [[f64; 3]; 2] {
     let sizes = if wall == Wall::Sphere { [[2, 3], [4, 6]] } else { [[4, 4], [8, 8]] };
     let [coarse, fine] = sizes.map(|[around, through]| {
@@ -277,8 +277,8 @@ fn linear_hexahedra_with_f_bar_approach_the_published_pressures() {
     }
 }
 
-/// Quadratic hexahedra lock at small strains on coarse meshes, but their error decreases faster, here at least eightfold
-/// with half the element size.
+/// Quadratic hexahedra lock at small strains on coarse meshes, but their error decreases faster, here at least
+/// eightfold with half the element size.
 #[test]
 fn quadratic_hexahedra_approach_the_pressures_of_the_radial_equilibrium() {
     for (wall, element_type, sizes) in [

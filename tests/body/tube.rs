@@ -1,5 +1,5 @@
-//! The built-in tube under internal pressure in plane strain, compared with the solution of Lame for small strains (S. P.
-//! Timoshenko and J. N. Goodier, *Theory of Elasticity*, chapter 4).
+//! The built-in tube under internal pressure in plane strain, compared with the solution of Lame for small strains (S.
+//! P. Timoshenko and J. N. Goodier, *Theory of Elasticity*, chapter 4).
 
 use std::sync::Arc;
 
@@ -33,8 +33,8 @@ fn exact(pressure: f64) -> f64 {
     pressure / (2.0 * MU) * a / (b * b - a * a) * ((1.0 - 2.0 * NU) * a * a + b * b)
 }
 
-/// Returns the error of the mean displacement of the inner surface, relative to the solution of Lame. The supports in the
-/// plane only prevent rigid motions, and exert no forces.
+/// Returns the error of the mean displacement of the inner surface, relative to the solution of Lame. The supports in
+/// the plane only prevent rigid motions, and exert no forces.
 fn error(mesh: Mesh, pressure: f64) -> f64 {
     let held = |surface: &str| SurfaceCondition {
         surface: surface.into(),

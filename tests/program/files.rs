@@ -272,3 +272,14 @@ fn is_ignored(process: u32, signal: u32) -> bool {
     let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:")).unwrap_or("0");
     u64::from_str_radix(mask.trim(), 16).is_ok_and(|mask| mask >> (signal - 1) & 1 == 1)
 }
+
+/// Every case of `examples` is valid.
+#[test]
+fn the_examples_pass_their_check() {
+    let examples = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples");
+    for name in ["capillary", "dogbone", "ligament", "neuron"] {
+        let plan = line(&examples, &format!("check {name}/{name}.toml --json")).object();
+        assert!(plan["elements"].as_u64().unwrap() > 500, "{plan}");
+        assert!(examples.join(name).join("README.md").is_file(), "{name}");
+    }
+}

@@ -3,11 +3,11 @@
 //! The direction of the pull is the axis and the two surfaces whose mean displacements differ most in the last row of
 //! `loads.csv`; the elongation is that difference, positive if the body becomes longer, and the extension is the
 //! elongation divided by the reference length of the body (the edge of its bounding box along that axis). For a bar
-//! held and pulled at its ends this is the engineering strain. Without such surfaces, the change of the bounding box
-//! along its longest edge is used instead.
+//! held and pulled at its ends this is the engineering strain. Without such surfaces, and if a rigid surface turns, the
+//! change of the bounding box along its longest edge is used instead.
 
 use crate::app::results::loads::LoadRow;
-use crate::app::results::{Fields, Loads};
+use crate::app::results::{Fields, Loads, RigidRow};
 
 /// The direction of the pull, and the reference length.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,10 +23,17 @@ pub struct Extension {
 }
 
 impl Extension {
-    /// Determines the direction of the pull; `None` if the table has no rows or no surface moves relative to another.
+    /// Determines the direction of the pull; `None` if the table has no rows, no surface moves relative to another, or a
+    /// rigid surface turns, which moves the sides of the body apart without pulling.
     /// The fields, with their pseudo-time, give the length of the body and distinguish pulling from pushing.
     pub fn find(loads: &Loads, fields: Option<(&Fields, f64)>) -> Option<Self> {
+        /// A smaller angle, rad, changes lengths by less than half a percent.
+        const TURNED: f64 = 0.1;
         let last = loads.rows.last()?;
+        let angle = |rigid: &RigidRow| rigid.rotation.iter().map(|r| r * r).sum::<f64>().sqrt();
+        if last.rigid.iter().any(|rigid| angle(rigid) > TURNED) {
+            return None;
+        }
         let mut largest = (0.0, 0, [0, 0]);
         for (b, to) in last.surfaces.iter().enumerate() {
             for (a, from) in last.surfaces.iter().enumerate().take(b) {
@@ -138,6 +145,10 @@ mod tests {
         let (loads, mut fields) = pulled_in_z(0.0);
         assert_eq!(Extension::find(&loads, Some((&fields, 1.0))), None);
         assert_eq!(Extension::find(&Loads::default(), None), None);
+        let (mut turned, _) = pulled_in_z(0.3);
+        assert!(Extension::find(&turned, None).is_some());
+        turned.rows[1].rigid = vec![RigidRow { rotation: [0.0, 0.2, 0.0], ..RigidRow::default() }];
+        assert_eq!(Extension::find(&turned, None), None);
         assert_eq!(box_extension(&fields), Some(0.0));
         fields.points = vec![[0.0; 3], [1.0, 0.95, 0.5]];
         fields.point_vectors[0].1 = vec![[0.0; 3], [-0.1, 0.19, 5.0]];

@@ -147,8 +147,8 @@ impl Plan {
             lines.push(format!("  {:<24} {:>6} unknowns, {:>6} RVEs", network.name, network.unknowns, network.rves));
         }
         for SupportPlan { node, position: [x, y, z], component } in &self.supports {
-            lines
-                .push(format!("support    {component} of node {node} at ({x}, {y}, {z}) m, against a rigid-body mode"));
+            let place = format!("node {node} at ({x:.4e}, {y:.4e}, {z:.4e}) m");
+            lines.push(format!("support    {component} of {place}, against a rigid-body mode"));
         }
         for FieldRange { region, parameter, min, max } in &self.fields {
             lines.push(format!("field      {parameter} from {min:?} to {max:?} in region \"{region}\""));

@@ -77,6 +77,11 @@ pub fn cure_of_step<F: std::error::Error + 'static>(
              leave more of the surface of the volume free"
                 .into()
         }
+        NewtonError::Problem(EquilibriumError::UnbalancedLoads { .. }) => {
+            "loads that balance at rest need not do so on the deformed body: hold the body by [[boundary]] or [[point]] instead \
+             of `free = \"rigid\"`, or let the loads follow it (`pressure`)"
+                .into()
+        }
         NewtonError::Problem(EquilibriumError::VolumeNotReached { .. }) => {
             "use method = \"multiplier\", or raise `penalty` of that [[constraint]]".into()
         }

@@ -24,9 +24,9 @@
 //! prescribed components are left out of `r` and `K`; their entries of `f_int - f_ext` are the reaction forces.
 //!
 //! # F-bar
-//! The elements of a patch ([`Mesh::patches`](super::mesh::Mesh::patches)) share one dilatation `J0`, that of the center
-//! of a hexahedron, or the volume of all tetrahedra of the patch over their reference volume. The constitutive model
-//! gets
+//! The elements of a patch ([`Mesh::patches`](super::mesh::Mesh::patches)) share one dilatation `J0`, that of the
+//! center of a hexahedron, or the volume of all tetrahedra of the patch over their reference volume. The constitutive
+//! model gets
 //!
 //! ```text
 //! F_bar = a F,    a = (J0 / J)^(1/3),    J = det F,
@@ -44,12 +44,13 @@
 //! unsymmetric, because the method does not derive from an energy.
 //!
 //! # Order
-//! Elements are added in mesh order, their points, nodes and components in local order, so every run adds the same terms
-//! in the same order.
+//! Elements are added in mesh order, their points, nodes and components in local order, so every run adds the same
+//! terms in the same order.
 
 mod f_bar;
 mod geometry;
 pub mod local;
+mod unknown_map;
 mod unknowns;
 mod volume;
 
@@ -63,11 +64,12 @@ pub use unknowns::Unknowns;
 pub use volume::volume_tangent;
 
 use super::boundary::Load;
-use super::kinematics::{Kinematics, RigidDerivatives, RigidMotion, Rows};
+use super::kinematics::{Kinematics, RigidMotion, Rows};
 use super::point_field::PointResponses;
-use crate::las::{Backend, Index, MatrixOps, RealBackend, VectorOps};
+use crate::las::{Backend, Index, MatrixOps, RealBackend};
 use f_bar::{PatchTangents, tangents};
 use geometry::{Block, with_block};
+use unknown_map::StateMap;
 use volume::CavityFace;
 
 /// Geometry and matrix positions of all elements, computed once; integrates and scatters at every state.
@@ -94,16 +96,10 @@ pub struct Assembler<B: Backend> {
     cavity_faces: Vec<CavityFace<B::Slot>>,
 }
 
-/// The derivatives of displacements by the unknowns of rigid surfaces, at one state of the body.
-struct StateMap<'a> {
-    kinematics: &'a Kinematics,
-    derivatives: Vec<RigidDerivatives>,
-}
-
 /// The elements of a block with rows on this rank.
 struct LocalBlock<B: Backend> {
-    /// The numbers within the block of those whose unknowns are the components at their nodes, ascending; all elements on
-    /// a serial backend if the body has neither frames nor rigid surfaces.
+    /// The numbers within the block of those whose unknowns are the components at their nodes, ascending; all elements
+    /// on a serial backend if the body has neither frames nor rigid surfaces.
     elements: Vec<u32>,
     /// The square of three times the number of nodes per element, row-major.
     entry_positions: Vec<B::Slot>,
@@ -215,19 +211,14 @@ impl<B: RealBackend> Assembler<B> {
         Ok(())
     }
 
-    /// Returns the positions of the entries that couple nodes, in the order of [`Kinematics::rows`]; `None` if none of the
-    /// rows is on this rank.
+    /// Returns the positions of the entries that couple nodes, in the order of [`Kinematics::rows`]; `None` if none of
+    /// the rows is on this rank.
     fn locate_nodes(&self, nodes: &[u32], matrix: &B::Matrix) -> Result<Option<Vec<B::Slot>>, B::Error> {
         let rows = self.kinematics.rows(nodes).into_iter().flat_map(|rows| match rows {
             Rows::Node(node) => &self.equation_numbers[3 * node as usize..][..3],
             Rows::RigidSurface(surface) => &self.rigid_equations[surface],
         });
         locate_rows::<B>(&rows.copied().collect::<Vec<_>>(), matrix)
-    }
-
-    /// Returns the map from unknowns to displacements at these motions of the rigid surfaces.
-    fn state_map(&self, motions: &[RigidMotion]) -> StateMap<'_> {
-        StateMap { kinematics: &self.kinematics, derivatives: self.kinematics.derivatives(motions) }
     }
 
     /// Returns the volumes and shape-function gradients of all points.
@@ -274,66 +265,6 @@ impl<B: RealBackend> Assembler<B> {
         for block in &self.geometry.blocks {
             with_block!(block, b => b.add_internal_forces(&pk1, forces));
         }
-    }
-
-    /// Adds the `forces` on nodes, N, at these motions of the rigid surfaces, to `r` at the free unknowns; drops the
-    /// forces of prescribed components. The forces on nodes with frames are replaced by their components along the
-    /// frames.
-    ///
-    /// # Errors
-    /// Returns the error of the backend.
-    ///
-    /// # Panics
-    /// Panics if `forces` has fewer nodes than the mesh.
-    pub fn scatter(&self, forces: &mut [[f64; 3]], motions: &[RigidMotion], r: &mut B::Vector) -> Result<(), B::Error> {
-        let of_rigid_surfaces = self.kinematics.rigid_forces(motions, forces);
-        self.kinematics.to_frames(forces);
-        r.add(&self.equation_numbers, forces.as_flattened())?;
-        self.rigid_equations.iter().zip(&of_rigid_surfaces).try_for_each(|(rows, forces)| r.add(rows, forces))
-    }
-
-    /// Returns the norm of the forces on nodes, N, at the free unknowns, as [`Assembler::scatter`] adds them.
-    ///
-    /// # Panics
-    /// Panics if `forces` has fewer nodes than the mesh.
-    pub fn free_norm(&self, forces: &mut [[f64; 3]], motions: &[RigidMotion]) -> f64 {
-        let of_rigid_surfaces = self.kinematics.rigid_forces(motions, forces);
-        self.kinematics.to_frames(forces);
-        let of_nodes = self.equation_numbers.iter().zip(forces.as_flattened());
-        let of_surfaces = self.rigid_equations.as_flattened().iter().zip(of_rigid_surfaces.as_flattened());
-        let free = of_nodes.chain(of_surfaces).filter(|(equation, _)| equation.position().is_some());
-        free.map(|(_, force)| force * force).sum::<f64>().sqrt()
-    }
-
-    /// Adds `a` times the `direction` of the unknowns to the displacements of all nodes, m, and to the motions of the
-    /// rigid surfaces. `nodal` is overwritten; it has one entry per node.
-    ///
-    /// # Errors
-    /// Returns the error of the backend.
-    ///
-    /// # Panics
-    /// Panics if `displacements` or `nodal` has fewer nodes than the mesh.
-    pub fn advance(
-        &self,
-        a: f64,
-        direction: &B::Vector,
-        displacements: &mut [[f64; 3]],
-        motions: &mut [RigidMotion],
-        nodal: &mut [[f64; 3]],
-    ) -> Result<(), B::Error> {
-        // `get` does not write prescribed components; they stay at zero.
-        nodal.fill([0.0; 3]);
-        direction.get(&self.equation_numbers, nodal.as_flattened_mut())?;
-        self.kinematics.from_frames(nodal);
-        for (u, d) in displacements.as_flattened_mut().iter_mut().zip(nodal.as_flattened()) {
-            *u += a * d;
-        }
-        let mut increments = vec![[0.0; 6]; self.rigid_equations.len()];
-        for (rows, increments) in self.rigid_equations.iter().zip(&mut increments) {
-            direction.get(rows, increments)?;
-        }
-        self.kinematics.advance(a, &increments, motions, displacements);
-        Ok(())
     }
 
     /// Computes the first-order change `K du` of the internal forces, N, for the displacement `increments` of all
@@ -390,24 +321,6 @@ impl<B: RealBackend> Assembler<B> {
         Ok(())
     }
 
-    /// Adds the geometric stiffness of the rigid surfaces, N/m, to `k`, from the forces on all nodes, N: internal minus
-    /// external.
-    ///
-    /// # Errors
-    /// Returns the error of the backend.
-    ///
-    /// # Panics
-    /// Panics if `forces` has fewer nodes than the mesh.
-    pub fn rigid_stiffness(
-        &self,
-        motions: &[RigidMotion],
-        forces: &[[f64; 3]],
-        k: &mut B::Matrix,
-    ) -> Result<(), B::Error> {
-        let blocks = self.kinematics.geometric_stiffness(motions, forces);
-        self.local_rigid.iter().try_for_each(|(surface, positions)| k.add_at(positions, &blocks[*surface]))
-    }
-
     fn patch_tangents(&self, displacements: &[[f64; 3]], responses: &PointResponses) -> Option<PatchTangents> {
         self.has_patches().then(|| tangents(&self.geometry.patches, displacements, responses))
     }
@@ -443,23 +356,14 @@ impl<B: RealBackend> Assembler<B> {
     /// Estimates the rounding error of the internal forces, N; a smaller residual is zero up to rounding.
     ///
     /// `F = I + du/dX` is rounded to `eps`, whatever the displacement gradient, and hence the stress to `|A| eps`. The
-    /// contribution of a point to the force on node `a` is then wrong by about `V |A| |grad N_a| eps`; that to the stiffness of
-    /// the node is of size `V |grad N_a|^2 |A|`. These errors are independent, so their squares add up. With a factor of
-    /// 8, as at the micro scale, the estimate is `8 eps sqrt(sum_q sum_a (V |A| |grad N_a|)^2)` in Frobenius norms.
+    /// contribution of a point to the force on node `a` is then wrong by about `V |A| |grad N_a| eps`; that to the
+    /// stiffness of the node is of size `V |grad N_a|^2 |A|`. These errors are independent, so their squares add up.
+    /// With a factor of 8, as at the micro scale, the estimate is `8 eps sqrt(sum_q sum_a (V |A| |grad N_a|)^2)` in
+    /// Frobenius norms.
     pub fn rounding_error(&self, tangent: &[SMatrix<f64, 9, 9>]) -> f64 {
         let blocks = self.geometry.blocks.iter();
         let squares: f64 = blocks.map(|block| with_block!(block, b => b.squared_errors(tangent))).sum();
         8.0 * f64::EPSILON * squares.sqrt()
-    }
-}
-
-impl StateMap<'_> {
-    /// Returns the stiffness of a group of nodes by their unknowns, row-major in the order of [`Kinematics::rows`].
-    fn condense<'s>(&self, nodes: &[u32], stiffness: &'s [f64]) -> Cow<'s, [f64]> {
-        if self.kinematics.are_plain(nodes) {
-            return Cow::Borrowed(stiffness);
-        }
-        Cow::Owned(self.kinematics.condense(nodes, stiffness, &self.derivatives))
     }
 }
 

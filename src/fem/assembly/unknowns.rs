@@ -54,8 +54,8 @@ impl Unknowns {
         Ok(Self { equation_numbers, rigid_equations: Vec::new(), kinematics: Arc::default(), free: free as usize })
     }
 
-    /// Appends the free unknowns of the rigid surfaces, of which `prescribed` has one entry each. The components of nodes
-    /// with frames are those along the frames; all components of the nodes of rigid surfaces must be prescribed.
+    /// Appends the free unknowns of the rigid surfaces, of which `prescribed` has one entry each. The components of
+    /// nodes with frames are those along the frames; all components of the nodes of rigid surfaces must be prescribed.
     ///
     /// # Errors
     /// Returns [`SparsityError::TooLarge`] if the number of unknowns exceeds the range of a 32-bit index.

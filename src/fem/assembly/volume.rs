@@ -1,20 +1,21 @@
 //! The volume of regions with its derivatives, and the stiffness of constrained volumes.
 //!
-//! The volume of the deformed region is `V = integral J dV`, the energy of a material with the energy density `W = J`. Its
-//! stress and tangent are polynomials in `F` (Holzapfel 2000, section 1.3),
+//! The volume of the deformed region is `V = integral J dV`, the energy of a material with the energy density `W = J`.
+//! Its stress and tangent are polynomials in `F` (Holzapfel 2000, section 1.3),
 //!
 //! ```text
 //! P_iJ    = dJ/dF_iJ     = cof F                             (= J F^-T)
 //! A_iJkL  = dP_iJ/dF_kL  = eps_ikm eps_JLN F_mN,
 //! ```
 //!
-//! so that `dV/du` and `d^2V/du^2` are its nodal forces and its stiffness. `F` is that of the displacements also where the
-//! F-bar method modifies the deformation gradient of the material.
+//! so that `dV/du` and `d^2V/du^2` are its nodal forces and its stiffness. `F` is that of the displacements also where
+//! the F-bar method modifies the deformation gradient of the material.
 
 use nalgebra::{Matrix3, SMatrix};
 
 use super::geometry::{Block, Geometry, with_block};
-use super::{Assembler, LocalBlock, StateMap, local};
+use super::unknown_map::StateMap;
+use super::{Assembler, LocalBlock, local};
 use crate::fem::constraint::Constraints;
 use crate::fem::kinematics::RigidMotion;
 use crate::las::{MatrixOps, RealBackend};
@@ -122,8 +123,8 @@ impl<B: RealBackend> Assembler<B> {
         Ok(())
     }
 
-    /// Adds `-p d^2V/du^2` of regions, N/m, to `k`, with the pressure at each point, Pa, the displacements of all nodes,
-    /// m, and the motions of the rigid surfaces. Skips elements without pressure.
+    /// Adds `-p d^2V/du^2` of regions, N/m, to `k`, with the pressure at each point, Pa, the displacements of all
+    /// nodes, m, and the motions of the rigid surfaces. Skips elements without pressure.
     ///
     /// # Errors
     /// Returns the error of the backend.
@@ -144,8 +145,8 @@ impl<B: RealBackend> Assembler<B> {
         Ok(())
     }
 
-    /// Adds `-p d^2V/du^2` of the cavities given to [`Assembler::locate_constraints`], N/m, to `k`, with the pressure of
-    /// each constraint, Pa, the displacements of all nodes, m, and the motions of the rigid surfaces.
+    /// Adds `-p d^2V/du^2` of the cavities given to [`Assembler::locate_constraints`], N/m, to `k`, with the pressure
+    /// of each constraint, Pa, the displacements of all nodes, m, and the motions of the rigid surfaces.
     ///
     /// # Errors
     /// Returns the error of the backend.

@@ -29,8 +29,8 @@ pub struct Conditions {
     /// [`Pressure`](super::Pressure), [`Foundation`](super::Foundation), [`PointLoad`](super::PointLoad),
     /// [`BodyForce`](super::BodyForce), or any other implementation of [`LoadCondition`].
     pub loads: Vec<Arc<dyn LoadCondition>>,
-    /// The names of plane surfaces, of any orientation, whose nodes do not move along the normal: planes of symmetry, or
-    /// frictionless walls.
+    /// The names of plane surfaces, of any orientation, whose nodes do not move along the normal: planes of symmetry,
+    /// or frictionless walls.
     pub symmetry_planes: Vec<String>,
     /// Surfaces that move as rigid bodies.
     pub rigid: Vec<RigidCondition>,

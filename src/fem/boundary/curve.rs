@@ -26,8 +26,8 @@ pub enum LoadCurve {
     Function(Arc<dyn LoadFunction>),
 }
 
-/// A load factor as a function of pseudo-time and position. A traction or pressure evaluates it at the integration points
-/// of faces, a prescribed displacement at nodes.
+/// A load factor as a function of pseudo-time and position. A traction or pressure evaluates it at the integration
+/// points of faces, a prescribed displacement at nodes.
 ///
 /// ```
 /// use std::sync::Arc;

@@ -125,6 +125,16 @@ pub enum BoundaryError {
         /// The other condition.
         other: String,
     },
+    /// The prescribed part of a rotation vector is too long for free components beside it.
+    #[error(
+        "surface `{surface}` is turned by {angle:.4} rad while a component of its rotation vector is free; at 2 pi, rotations about all axes coincide"
+    )]
+    RotationTooLarge {
+        /// The name of the surface.
+        surface: String,
+        /// The angle, rad.
+        angle: f64,
+    },
     /// A load couples nodes that do not belong to one element, so that the sparsity pattern has no entries for them.
     /// Holds the nodes of one group of the load.
     #[error("a load couples the nodes {0:?}, which no element contains together")]

@@ -1,7 +1,7 @@
 //! Boundary conditions: named [`Conditions`], resolved on a mesh into a [`Boundary`].
 //!
-//! A condition prescribes displacements, makes a surface rigid, or is a [`Load`]. A new load is a new file that implements
-//! [`LoadCondition`] and [`Load`]; nothing else in [`fem`](crate::fem) depends on the kind of load.
+//! A condition prescribes displacements, makes a surface rigid, or is a [`Load`]. A new load is a new file that
+//! implements [`LoadCondition`] and [`Load`]; nothing else in [`fem`](crate::fem) depends on the kind of load.
 //!
 //! # Shared nodes
 //! Two surfaces with prescribed displacements may share a node and prescribe the same component there. Equal
@@ -23,6 +23,7 @@ mod load;
 mod point_load;
 mod prescribed;
 mod pressure;
+mod resolve;
 mod rigid;
 mod skew;
 
@@ -39,7 +40,6 @@ pub(in crate::fem) use pressure::{add_pressure_stiffness, unmatched_edges};
 pub(crate) use rigid::centroid;
 pub use rigid::{RigidCondition, TimedValue};
 
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use nalgebra::Vector3;
@@ -49,8 +49,9 @@ use super::mesh::{Mesh, Surface};
 use super::rigid_modes::{self, Restraint};
 use crate::las::Symmetry;
 use prescribed::PrescribedCollector;
+use resolve::{check_coupled_nodes, rigid_surfaces, symmetry_planes};
 use rigid::ResolvedRigid;
-use skew::{GivenDirection, SkewNode, plane_normal};
+use skew::{GivenDirection, SkewNode};
 
 /// Both ends of pseudo-time, at which the conditions themselves are checked.
 const ENDS: [f64; 2] = [0.0, 1.0];
@@ -164,8 +165,8 @@ impl Boundary {
         mask
     }
 
-    /// Returns which displacement components along x, y and z of the `nodes` nodes cannot change: prescribed ones, except
-    /// those of nodes that move along inclined planes or with a rigid surface.
+    /// Returns which displacement components along x, y and z of the `nodes` nodes cannot change: prescribed ones,
+    /// except those of nodes that move along inclined planes or with a rigid surface.
     ///
     /// # Panics
     /// Panics if `nodes` is less than the number of nodes of the mesh.
@@ -207,8 +208,8 @@ impl Boundary {
         supports.map(|component| (component.node, component.component))
     }
 
-    /// Returns the conditions on rigid-body motions that follow from prescribed displacements, rigid surfaces, and loads
-    /// that support the body.
+    /// Returns the conditions on rigid-body motions that follow from prescribed displacements, rigid surfaces, and
+    /// loads that support the body.
     ///
     /// # Panics
     /// Panics if the mesh is not that of the conditions.
@@ -260,8 +261,8 @@ impl Boundary {
         self.loads.iter().any(|load| !load.coupled_nodes().is_none())
     }
 
-    /// Returns the symmetry of the tangent: the weakest of `body`, of the loads that depend on the displacements, and of
-    /// rigid surfaces that can rotate, which may make the tangent indefinite.
+    /// Returns the symmetry of the tangent: the weakest of `body`, of the loads that depend on the displacements, and
+    /// of rigid surfaces that can rotate, which may make the tangent indefinite.
     pub fn symmetry(&self, body: Symmetry) -> Symmetry {
         let rotates = self.rigid.iter().any(|rigid| rigid.prescribed()[3..].contains(&false));
         let body = if rotates && body == Symmetry::Definite { Symmetry::Symmetric } else { body };
@@ -341,85 +342,6 @@ impl Boundary {
             load.add_forces(t, displacements, forces);
         }
     }
-}
-
-/// Returns the normals of the inclined planes of each node; the displacements normal to the other planes are components,
-/// which are prescribed.
-fn symmetry_planes(
-    mesh: &Mesh,
-    names: &[String],
-    prescribed: &mut PrescribedCollector<'_>,
-) -> Result<BTreeMap<u32, Vec<GivenDirection>>, BoundaryError> {
-    let mut of_nodes: BTreeMap<u32, Vec<GivenDirection>> = BTreeMap::new();
-    for name in names {
-        let (number, surface) = find_surface(mesh, name)?;
-        let (normal, source) = (plane_normal(mesh, surface)?, Source::Surface(number));
-        let nodes = surface.nodes();
-        if let Some(component) = (0..3).find(|&k| normal[k].abs() > 1.0 - f64::EPSILON) {
-            let held = std::array::from_fn(|k| (k == component).then_some(0.0));
-            prescribed.add(&nodes, &held, &LoadCurve::Ramp, source)?;
-            continue;
-        }
-        for node in nodes {
-            of_nodes.entry(node).or_default().push(GivenDirection { source, along: normal, component: None });
-        }
-    }
-    Ok(of_nodes)
-}
-
-/// Resolves rigid surfaces and removes the conditions on their nodes that they satisfy.
-///
-/// # Errors
-/// Returns [`BoundaryError::RigidConflict`] for a node with another condition.
-fn rigid_surfaces(
-    mesh: &Mesh,
-    conditions: &[RigidCondition],
-    prescribed: &mut PrescribedCollector<'_>,
-    planes: &mut BTreeMap<u32, Vec<GivenDirection>>,
-) -> Result<Vec<ResolvedRigid>, BoundaryError> {
-    let mut owner: BTreeMap<u32, usize> = BTreeMap::new();
-    let mut all = Vec::with_capacity(conditions.len());
-    for condition in conditions {
-        let rigid = condition.resolve(mesh)?;
-        let number = rigid.surface.surface;
-        for &node in &rigid.surface.nodes {
-            let conflict = |other: Source| BoundaryError::RigidConflict {
-                node: node as usize,
-                rigid: Source::Surface(number).describe(mesh),
-                other: other.describe(mesh),
-            };
-            if let Some(other) = owner.insert(node, number) {
-                return Err(conflict(Source::Surface(other)));
-            }
-            if let Some(plane) = planes.remove(&node).unwrap_or_default().first() {
-                return Err(conflict(plane.source));
-            }
-            if let Some(other) = prescribed.take(node).iter().find(|component| !rigid.agrees_with(component)) {
-                return Err(conflict(other.source));
-            }
-        }
-        all.push(rigid);
-    }
-    Ok(all)
-}
-
-/// Checks that the nodes of each group belong to one element, so that the sparsity pattern couples them.
-fn check_coupled_nodes(mesh: &Mesh, coupled: CoupledNodes<'_>) -> Result<(), BoundaryError> {
-    if coupled.is_none() {
-        return Ok(());
-    }
-    let mut elements_of = vec![Vec::new(); mesh.nodes().len()];
-    for nodes in mesh.elements() {
-        nodes.iter().for_each(|&node| elements_of[node as usize].push(nodes));
-    }
-    for group in coupled.groups() {
-        let elements = group.first().and_then(|&node| elements_of.get(node as usize));
-        let contain = |nodes: &&[u32]| group.iter().all(|node| nodes.contains(node));
-        if !elements.is_some_and(|elements| elements.iter().any(contain)) {
-            return Err(BoundaryError::NotInOneElement(group.to_vec()));
-        }
-    }
-    Ok(())
 }
 
 fn check_finite(place: impl FnOnce() -> String, values: &[f64]) -> Result<(), BoundaryError> {

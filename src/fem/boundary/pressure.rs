@@ -12,9 +12,9 @@ use crate::fem::element::{CellType, FaceType};
 use crate::fem::mesh::{Faces, Mesh};
 use crate::las::Symmetry;
 
-/// A pressure on the deformed surface. The force on an element of its current area is `-p n da`, where `n` is its outward
-/// normal: a positive pressure presses on the body. On a surface between two elements, the normal is that of the faces
-/// as given in the mesh.
+/// A pressure on the deformed surface. The force on an element of its current area is `-p n da`, where `n` is its
+/// outward normal: a positive pressure presses on the body. On a surface between two elements, the normal is that of
+/// the faces as given in the mesh.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pressure {
     /// The surface's name.
@@ -68,8 +68,8 @@ impl LoadCondition for Pressure {
     }
 }
 
-/// Returns the edges, by their corners in ascending order, that not as many faces pass in one direction as in the other,
-/// with their number of faces. A closed surface of one orientation has none.
+/// Returns the edges, by their corners in ascending order, that not as many faces pass in one direction as in the
+/// other, with their number of faces. A closed surface of one orientation has none.
 pub(in crate::fem) fn unmatched_edges(faces: &Faces) -> Vec<([u32; 2], usize)> {
     let mut edges: BTreeMap<[u32; 2], (i64, usize)> = BTreeMap::new();
     for (face_type, nodes) in faces.typed() {
@@ -84,8 +84,8 @@ pub(in crate::fem) fn unmatched_edges(faces: &Faces) -> Vec<([u32; 2], usize)> {
     unmatched.map(|(edge, (_, faces))| (edge, faces)).collect()
 }
 
-/// Adds the stiffness of a pressure on a face with these current node positions, m, to the row-major square block of its
-/// nodes, N/m. `pressure` gives the pressure at a point from the values of the shape functions there, Pa.
+/// Adds the stiffness of a pressure on a face with these current node positions, m, to the row-major square block of
+/// its nodes, N/m. `pressure` gives the pressure at a point from the values of the shape functions there, Pa.
 pub(in crate::fem) fn add_pressure_stiffness(
     face_type: FaceType,
     current: &[[f64; 3]],

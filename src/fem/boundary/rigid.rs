@@ -1,5 +1,7 @@
 //! Rigid surfaces: nodes that follow a reference point.
 
+use std::f64::consts::TAU;
+
 use nalgebra::Vector3;
 
 use super::{BoundaryError, ENDS, LoadCurve, PrescribedComponent, Source, check_finite, check_finite_at, find_surface};
@@ -7,13 +9,13 @@ use crate::fem::kinematics::{RigidMotion, RigidSurface};
 use crate::fem::mesh::{Mesh, Surface};
 
 /// A surface whose nodes move as a rigid body, like a grip: the node at `X` moves by `d + (R - I) (X - X_ref)`. The
-/// displacement `d` of the reference point and the rotation vector of `R` are prescribed or free, component by component.
-/// The forces on the body in a free direction of `d` sum to zero, as do the moments conjugate to a free component of the
-/// rotation vector.
+/// displacement `d` of the reference point and the rotation vector of `R` are prescribed or free, component by
+/// component. The forces on the body in a free direction of `d` sum to zero, as do the moments conjugate to a free
+/// component of the rotation vector.
 ///
-/// The rotation vector is the axis times the angle; a rotation about a fixed axis is prescribed by three components, two
-/// of which may be 0. With a free component, the length of the vector must stay below `2 pi`, where the rotations about
-/// all axes coincide.
+/// The rotation vector is the axis times the angle; a rotation about a fixed axis is prescribed by three components,
+/// two of which may be 0. With a free component, the length of the vector must stay below `2 pi`, where the rotations
+/// about all axes coincide.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RigidCondition {
     /// The surface's name.
@@ -61,6 +63,7 @@ impl RigidCondition {
         };
         check_finite(|| Source::Surface(number).describe(mesh), &reference)?;
         ENDS.into_iter().try_for_each(|t| resolved.check_finite(mesh, t))?;
+        resolved.check_angle(&self.surface)?;
         Ok(resolved)
     }
 }
@@ -73,6 +76,26 @@ impl ResolvedRigid {
         components.try_for_each(|TimedValue { value, curve }| {
             check_finite_at(place, (&[*value], curve), t, self.surface.reference)
         })
+    }
+
+    /// Checks that the prescribed part of a rotation vector with free components stays below the length at which the
+    /// vector does not determine the rotation about other axes.
+    fn check_angle(&self, surface: &str) -> Result<(), BoundaryError> {
+        /// Curves are checked at so many equal intervals of pseudo-time.
+        const SAMPLES: usize = 64;
+        if self.prescribed()[3..].iter().all(|&prescribed| prescribed) {
+            return Ok(());
+        }
+        let angle = |k: usize| {
+            let mut motion = RigidMotion::default();
+            self.apply(k as f64 / SAMPLES as f64, &mut motion);
+            Vector3::from(motion.rotation).norm()
+        };
+        let largest = (0..=SAMPLES).map(angle).fold(0.0, f64::max);
+        if largest < TAU {
+            return Ok(());
+        }
+        Err(BoundaryError::RotationTooLarge { surface: surface.to_owned(), angle: largest })
     }
 
     /// Returns which of the six unknowns are prescribed.
@@ -95,6 +118,12 @@ impl ResolvedRigid {
     pub fn holds(&self, component: usize) -> bool {
         let is_held = |k: usize| self.components[k].as_ref().is_some_and(|component| component.value == 0.0);
         is_held(component) && (0..3).all(|k| k == component || is_held(3 + k))
+    }
+
+    /// Returns true if the surface cannot move its nodes along a direction, whatever its other motions.
+    pub fn holds_along(&self, direction: &Vector3<f64>) -> bool {
+        let is_held = |k: usize| self.components[k].as_ref().is_some_and(|component| component.value == 0.0);
+        (0..3).all(|k| direction[k] == 0.0 || is_held(k)) && (3..6).all(is_held)
     }
 
     /// Returns true if the surface holds the displacements that a component prescribes on one of its nodes.

@@ -38,8 +38,7 @@ impl SkewNode {
     /// are held at 0.
     ///
     /// # Errors
-    /// Returns [`BoundaryError::PlaneConflict`] if a dependent direction has a displacement, or those on which it depends
-    /// have.
+    /// Returns [`BoundaryError::PlaneConflict`] if a dependent direction or one of those on which it depends is moved.
     pub fn new(mesh: &Mesh, node: u32, directions: Vec<GivenDirection>) -> Result<Self, BoundaryError> {
         let (mut given, mut frame, mut lower) = (Vec::<GivenDirection>::new(), Matrix3::zeros(), Matrix3::zeros());
         for direction in directions {
@@ -52,7 +51,7 @@ impl SkewNode {
             }
             let length = rest.norm();
             if k == 3 || length < DEPENDENT {
-                let moved = given.iter().chain([&direction]).find(|given| !given.is_held());
+                let moved = dependence(&lower, row, &given).chain([&direction]).find(|given| !given.is_held());
                 match moved {
                     None => continue,
                     Some(moved) => return Err(conflict(mesh, node, &direction, moved, &given)),
@@ -120,6 +119,20 @@ impl GivenDirection {
     fn is_held(&self) -> bool {
         self.component.as_ref().is_none_or(PrescribedComponent::is_held)
     }
+}
+
+/// Returns the given directions `d_k` on which `d = sum_j row_j n_j` depends: `d = sum_k mu_k d_k` with `L^T mu = row`.
+fn dependence<'a>(
+    lower: &Matrix3<f64>,
+    row: Vector3<f64>,
+    given: &'a [GivenDirection],
+) -> impl Iterator<Item = &'a GivenDirection> {
+    let mut shares = row;
+    for k in (0..given.len()).rev() {
+        let after: f64 = (k + 1..given.len()).map(|j| lower[(j, k)] * shares[j]).sum();
+        shares[k] = (shares[k] - after) / lower[(k, k)];
+    }
+    given.iter().zip(shares.data.0[0]).filter(|(_, share)| share.abs() > DEPENDENT).map(|(given, _)| given)
 }
 
 fn conflict(
@@ -212,6 +225,36 @@ mod tests {
                 let expected = if k < prescribed { node.frame.column(k).dot(&force) } else { 0.0 };
                 assert!((node.frame.column(k).dot(&sum) - expected).abs() < 1e-14);
             }
+        }
+    }
+
+    #[test]
+    fn a_moved_direction_does_not_conflict_with_a_plane_that_contains_it() {
+        let mesh = crate::fem::mesh::shapes::cuboid([1, 1, 1], [1.0; 3]).unwrap();
+        for moved in 0..3 {
+            // The plane contains the axis `moved`; the node is moved along it and held along the other axes.
+            let mut normal = [0.6; 3];
+            normal[moved] = 0.0;
+            let component = |k: usize| {
+                let mut component = PrescribedComponent::support(&mesh, 0, k as u8);
+                component.value = if k == moved { 0.1 } else { 0.0 };
+                component
+            };
+            let directions = |count: usize| {
+                let components = (0..count).map(|k| GivenDirection::of_component(component(k)));
+                std::iter::once(held(normal)).chain(components).collect::<Vec<_>>()
+            };
+            let node = SkewNode::new(&mesh, 0, directions(3)).unwrap();
+            let mut displacement = [0.5; 3];
+            node.apply(1.0, &mut displacement);
+            for (k, u) in displacement.iter().enumerate() {
+                assert!((u - if k == moved { 0.1 } else { 0.0 }).abs() < 1e-15, "{displacement:?}");
+            }
+            // Out of the plane.
+            let mut inclined = directions(3);
+            inclined[0] = held([0.6, 0.5, 0.4]);
+            let error = SkewNode::new(&mesh, 0, inclined).unwrap_err();
+            assert!(matches!(error, BoundaryError::PlaneConflict { value: 0.1, .. }), "{error}");
         }
     }
 }

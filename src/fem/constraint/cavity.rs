@@ -7,10 +7,12 @@
 //! dV/du_a = -integral N_a n da
 //! ```
 //!
-//! The surface is closed, so that `V` does not depend on the origin and the change of `n da` contributes as much to `dV` as
-//! twice the motion of `x` (G. A. Holzapfel, *Nonlinear Solid Mechanics*, 2000, section 8.3; the identity is exact here,
-//! because the quadrature rules of all faces integrate the polynomials exactly). Hence `p dV/du` is the force of a
-//! follower pressure `p` on the wall, and its derivative is symmetric although that of a single face is not.
+//! The surface is closed, so that `V` does not depend on the origin and the change of `n da` contributes as much to
+//! `dV` as twice the motion of `x` (G. A. Holzapfel, *Nonlinear Solid Mechanics*, 2000, section 8.3; the identity is
+//! exact here, because the quadrature rules of all faces integrate the polynomials exactly). Hence `p dV/du` is the
+//! force of a follower pressure `p` on the wall, and its derivative is symmetric although that of a single face is not.
+
+use std::collections::HashSet;
 
 use crate::fem::boundary::{add_pressure_stiffness, find_surface, unmatched_edges};
 use crate::fem::element::FaceType;
@@ -41,6 +43,7 @@ impl Cavity {
             surfaces.push((number, surface.faces.clone()));
         }
         let cavity = Self { faces, surfaces, positions: mesh.nodes().to_vec() };
+        cavity.check_distinct(constraint)?;
         cavity.check_closed(constraint)?;
         let volume = cavity.volume(&vec![[0.0; 3]; mesh.nodes().len()]);
         // A NaN is no volume either.
@@ -49,6 +52,18 @@ impl Cavity {
         } else {
             Err(ConstraintError::NotACavity { constraint: constraint.to_owned(), volume })
         }
+    }
+
+    fn check_distinct(&self, constraint: &str) -> Result<(), ConstraintError> {
+        let mut known = HashSet::with_capacity(self.faces.len());
+        for nodes in &self.faces {
+            let mut key = nodes.to_vec();
+            key.sort_unstable();
+            if !known.insert(key) {
+                return Err(ConstraintError::RepeatedFace { constraint: constraint.to_owned(), nodes: nodes.to_vec() });
+            }
+        }
+        Ok(())
     }
 
     fn check_closed(&self, constraint: &str) -> Result<(), ConstraintError> {
@@ -105,8 +120,8 @@ impl Cavity {
         }
     }
 
-    /// Adds `-p d^2V/du^2` of one face, N/m, to the row-major square `block` of its nodes. Only the sum over all faces is
-    /// symmetric.
+    /// Adds `-p d^2V/du^2` of one face, N/m, to the row-major square `block` of its nodes. Only the sum over all faces
+    /// is symmetric.
     pub fn add_stiffness(&self, pressure: f64, displacements: &[[f64; 3]], face: usize, block: &mut [f64]) {
         let Some((face_type, nodes)) = self.faces.get(face) else { return };
         add_pressure_stiffness(face_type, &self.current(nodes, displacements), |_| pressure, block);

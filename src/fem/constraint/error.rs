@@ -27,6 +27,14 @@ pub enum ConstraintError {
         /// The number of open edges.
         count: usize,
     },
+    /// A face belongs to the surfaces of a cavity twice.
+    #[error("constraint `{constraint}`: the face with the nodes {nodes:?} belongs to the surfaces of the cavity twice")]
+    RepeatedFace {
+        /// The name of the constraint.
+        constraint: String,
+        /// The nodes of the face.
+        nodes: Vec<u32>,
+    },
     /// The enclosed volume is not positive: the body, not a cavity, lies inside the surfaces.
     #[error(
         "constraint `{constraint}`: its surfaces enclose no cavity: with the normals that point out of the body, the volume is {volume:.4e} m^3"
@@ -69,6 +77,7 @@ impl ConstraintError {
         match self {
             Self::Unknown { constraint, .. }
             | Self::Open { constraint, .. }
+            | Self::RepeatedFace { constraint, .. }
             | Self::NotACavity { constraint, .. }
             | Self::Target { constraint, .. }
             | Self::Penalty { constraint, .. }
@@ -84,7 +93,8 @@ pub struct OpenEdge {
     pub nodes: [u32; 2],
     /// Their positions, m.
     pub positions: [[f64; 3]; 2],
-    /// Number of faces at the edge. With more than one, their normals point to different sides.
+    /// Number of faces at the edge. More than one do not continue each other: their normals point to different sides,
+    /// or the surface branches.
     pub faces: usize,
 }
 
@@ -94,7 +104,10 @@ impl fmt::Display for OpenEdge {
         let [a, b] = self.positions.map(|[x, y, z]| format!("({x:.4e}, {y:.4e}, {z:.4e})"));
         match self.faces {
             1 => write!(f, "the edge from node {first} {a} to node {second} {b} has only one face"),
-            n => write!(f, "the edge from node {first} {a} to node {second} {b} has {n} faces with opposite normals"),
+            n => write!(
+                f,
+                "the edge from node {first} {a} to node {second} {b} has {n} faces that do not continue each other"
+            ),
         }
     }
 }

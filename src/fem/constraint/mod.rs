@@ -9,14 +9,14 @@
 //! c = V - V_target(t) + (p - p_k) / kappa = 0,      V_target = V0 factor(t),
 //! ```
 //!
-//! with `1 / kappa = 0` for a Lagrange multiplier. A positive pressure presses on the walls of a cavity. In a region it adds
-//! the Cauchy stress `-p I`, as in an incompressible material. The penalty method is the augmented Lagrangian method
-//! (D. P. Bertsekas, *Constrained Optimization and Lagrange Multiplier Methods*, 1982, chapter 2): `p_k` is fixed during a
-//! Newton solve, and `p_(k+1) = p` after it.
+//! with `1 / kappa = 0` for a Lagrange multiplier. A positive pressure presses on the walls of a cavity. In a region it
+//! adds the Cauchy stress `-p I`, as in an incompressible material. The penalty method is the augmented Lagrangian
+//! method (D. P. Bertsekas, *Constrained Optimization and Lagrange Multiplier Methods*, 1982, chapter 2): `p_k` is
+//! fixed during a Newton solve, and `p_(k+1) = p` after it.
 //!
 //! `p dV/du` of a cavity is an external force on its surfaces; that of a region is a part of the internal forces, which
-//! balance each other. The dense matrix `dV/du dV/du^T` borders the stiffness ([`Border`](crate::las::Border)) and is never
-//! assembled; `-p d^2V/du^2` is sparse and part of the stiffness.
+//! balance each other. The dense matrix `dV/du dV/du^T` borders the stiffness ([`Border`](crate::las::Border)) and is
+//! never assembled; `-p d^2V/du^2` is sparse and part of the stiffness.
 //!
 //! # Weight
 //! `r` is a force and `c` a volume. The norm that Newton reduces is `sqrt(|r|^2 + sum (w c)^2)` with the weight
@@ -255,12 +255,15 @@ fn check_parameters(condition: &VolumeConstraint) -> Result<(), ConstraintError>
     {
         return Err(ConstraintError::Penalty { constraint: constraint(), factor });
     }
-    if let Some(LoadCurve::Table(table)) = &condition.curve
-        && let Some(&[t, factor]) = table.points().iter().find(|[_, factor]| factor.is_nan() || *factor <= 0.0)
-    {
-        return Err(ConstraintError::Target { constraint: constraint(), t, factor });
+    let Some(curve) = &condition.curve else { return Ok(()) };
+    // Between its points, a table is linear; a ramp starts at no volume at all.
+    let mut times = curve.break_points();
+    times.extend([0.0, 1.0]);
+    let factors = times.into_iter().map(|t| (t, curve.factor(t, [0.0; 3])));
+    match factors.into_iter().find(|(_, factor)| !(*factor > 0.0 && factor.is_finite())) {
+        Some((t, factor)) => Err(ConstraintError::Target { constraint: constraint(), t, factor }),
+        None => Ok(()),
     }
-    Ok(())
 }
 
 /// Returns whether each integration point belongs to a region; `*` is the whole body.

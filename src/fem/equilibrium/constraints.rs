@@ -214,21 +214,26 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
         constraints.for_each(|((constraint, state), dp)| state.pressure += a * constraint.weight() * dp);
     }
 
-    /// Augments the pressures of the penalty method if the volume of one is not yet within `tolerance` of its target,
-    /// relative to the reference volume. A deviation that Newton does not resolve with this tolerance is accepted.
-    /// Returns true if it did; the constraints are then no longer satisfied.
+    /// Augments the pressures of the penalty method if a volume is not within `tolerance` of its target, relative to
+    /// the reference volume. Returns true if it did; the constraints are then no longer satisfied.
     pub(in crate::fem) fn augment(&mut self, tolerance: f64) -> bool {
-        let limit = (tolerance * self.scale()).max(self.residual_floor());
         let is_off = |(constraint, state): (&Constraint, &VolumeState)| {
-            let accepted = (tolerance * constraint.weight() * constraint.reference()).max(limit);
-            let deviation = constraint.weight() * (state.volume - state.target).abs();
-            matches!(constraint.method(), ConstraintMethod::Penalty { .. }) && deviation > accepted
+            let is_penalty = matches!(constraint.method(), ConstraintMethod::Penalty { .. });
+            is_penalty && (state.volume - state.target).abs() > accepted(constraint, tolerance)
         };
         let augments = self.volumes.with(&self.trial.volumes).any(is_off);
         if augments {
             self.trial.volumes.iter_mut().for_each(|state| state.augmented = state.pressure);
         }
         augments
+    }
+
+    /// Returns true if the error of every constraint of the trial state is at most `factor` times `tolerance`, relative
+    /// to its reference volume, whatever force would correct it.
+    pub(super) fn constraints_hold(&self, tolerance: f64, factor: f64) -> bool {
+        let mut constraints = self.volumes.with(&self.trial.volumes);
+        constraints
+            .all(|(constraint, state)| constraint.residual(state).abs() <= factor * accepted(constraint, tolerance))
     }
 
     /// Returns the error for volumes that augmentation did not bring to their targets in this number of rounds: that of
@@ -261,6 +266,12 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
             }
         }
     }
+}
+
+/// Returns the accepted error of a volume, m^3: `tolerance` relative to the reference volume, but not less than the
+/// rounding error of a sum over many elements.
+fn accepted(constraint: &Constraint, tolerance: f64) -> f64 {
+    tolerance.max(1e-13) * constraint.reference()
 }
 
 fn add_multiple(factor: f64, vectors: &[[f64; 3]], sums: &mut [[f64; 3]]) {

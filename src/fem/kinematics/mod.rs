@@ -2,8 +2,8 @@
 //!
 //! The unknowns of most nodes are the components of their displacement. There are two exceptions:
 //!
-//! * A node with a **frame** has components along three orthonormal directions other than x, y and z, so that a component
-//!   normal to an inclined plane can be prescribed.
+//! * A node with a **frame** has components along three orthonormal directions other than x, y and z, so that a
+//!   component normal to an inclined plane can be prescribed.
 //! * The nodes of a **rigid surface** follow six unknowns, a displacement and a rotation ([`RigidSurface`]).
 //!
 //! With the derivative `C = du/dq` of the displacements by the unknowns, nodal forces `f` and a stiffness `K` become
@@ -12,8 +12,8 @@
 //! r = C^T f,        dr/dq = C^T K C + f . d2u/dq2,
 //! ```
 //!
-//! whose last term, the geometric stiffness of rigid surfaces, is symmetric: the equations derive from an energy if those
-//! of the nodes do. Nodes of a rigid surface have no unknowns of their own; their rows are those of the surface.
+//! whose last term, the geometric stiffness of rigid surfaces, is symmetric: the equations derive from an energy if
+//! those of the nodes do. Nodes of a rigid surface have no unknowns of their own; their rows are those of the surface.
 
 mod rigid_surface;
 mod rotation;
@@ -53,8 +53,8 @@ pub(super) enum Rows {
 }
 
 impl Kinematics {
-    /// Creates the map for a mesh of `nodes` nodes from frames, whose columns are orthonormal, and rigid surfaces. No node
-    /// appears twice.
+    /// Creates the map for a mesh of `nodes` nodes from frames, whose columns are orthonormal, and rigid surfaces. No
+    /// node appears twice.
     pub(super) fn new(nodes: usize, frames: Vec<(u32, Matrix3<f64>)>, rigid_surfaces: Vec<RigidSurface>) -> Self {
         if frames.is_empty() && rigid_surfaces.is_empty() {
             return Self::default();
@@ -98,8 +98,8 @@ impl Kinematics {
         self.exceptions.is_empty() || nodes.iter().all(|&node| self.exception(node).is_none())
     }
 
-    /// Returns the rows of a group of nodes: those of every node that is not on a rigid surface, in order, then those of
-    /// the rigid surfaces.
+    /// Returns the rows of a group of nodes: those of every node that is not on a rigid surface, in order, then those
+    /// of the rigid surfaces.
     pub(super) fn rows(&self, nodes: &[u32]) -> Vec<Rows> {
         let mut rows = Vec::with_capacity(nodes.len());
         let mut surfaces = Vec::new();

@@ -16,8 +16,8 @@ pub struct RigidMotion {
 
 /// A surface whose nodes follow a reference point rigidly: the node at `X` moves by `d + (R - I) (X - X_ref)`.
 ///
-/// Its six unknowns are the displacement `d`, m, and the rotation vector of `R` times [`RigidSurface::length`], m, so that
-/// all unknowns of a body have one unit, and so have the forces conjugate to them.
+/// Its six unknowns are the displacement `d`, m, and the rotation vector of `R` times [`RigidSurface::length`], m, so
+/// that all unknowns of a body have one unit, and so have the forces conjugate to them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RigidSurface {
     /// Index into [`Mesh::surfaces`](crate::fem::mesh::Mesh::surfaces).

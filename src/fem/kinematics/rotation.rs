@@ -6,12 +6,13 @@
 //! c(s) = cos(sqrt(s)),    a(s) = sin(sqrt(s)) / sqrt(s),    b(s) = (1 - cos(sqrt(s))) / s,
 //! ```
 //!
-//! the formula of Rodrigues is `R = c I + a [theta] + b theta (x) theta`. The three functions are smooth in `s`, and their
-//! derivatives follow from `c' = -a / 2`, `2 s a' = c - a` and `s b' = a / 2 - b`.
+//! the formula of Rodrigues is `R = c I + a [theta] + b theta (x) theta`. The three functions are smooth in `s`, and
+//! their derivatives follow from `c' = -a / 2`, `2 s a' = c - a` and `s b' = a / 2 - b`.
 
 use nalgebra::{Matrix3, Vector3};
 
-/// Below this value of `s`, the functions are summed as power series, because the closed forms of their derivatives cancel.
+/// Below this value of `s`, the functions are summed as power series, because the closed forms of their derivatives
+/// cancel.
 const SERIES_BELOW: f64 = 1.0;
 
 /// `c`, `a` and `b`, each with its first and second derivative with respect to `s`.

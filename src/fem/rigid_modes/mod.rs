@@ -108,8 +108,8 @@ impl Restraint {
     }
 }
 
-/// Checks that the restraints constrain all six rigid-body modes of every connected part of `mesh`, whose parts the rigid
-/// surfaces connect.
+/// Checks that the restraints constrain all six rigid-body modes of every connected part of `mesh`, whose parts the
+/// rigid surfaces connect.
 ///
 /// # Errors
 /// Returns [`UnderconstrainedBody`] with the free modes of each part.

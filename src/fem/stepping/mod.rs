@@ -1,16 +1,16 @@
 //! The load-step driver: steps through pseudo-time, halves failed steps, and calls the observer.
 //!
 //! A run has `count` load steps; step `k` ends at `t = k / count`. Break points of load curves divide a step into
-//! segments, so that an increment ends exactly at each of them. If an attempt fails, displacements and micro states
-//! are reset to the last converged ones, and the increment is halved, up to `max_cuts` times. After a success the
-//! increment doubles again if the position within the segment is a multiple of the doubled increment. Alternatively, the
-//! increments adapt to the number of Newton iterations ([`AdaptiveIncrements`]). A converged increment is committed, but
-//! only full steps are reported, so the rows of a result do not depend on the cuts.
+//! segments, so that an increment ends exactly at each of them. If an attempt fails, displacements and micro states are
+//! reset to the last converged ones, and the increment is halved, up to `max_cuts` times. After a success the increment
+//! doubles again if the position within the segment is a multiple of the doubled increment. Alternatively, the
+//! increments adapt to the number of Newton iterations ([`AdaptiveIncrements`]). A converged increment is committed,
+//! but only full steps are reported, so the rows of a result do not depend on the cuts.
 //!
 //! A state is committed if it is in equilibrium, if every response continues the committed state
-//! ([`PointField::verify`]), if no point changes its material ([`PointField::evolve`]), and if the volumes that penalties
-//! constrain are at their targets ([`ConstraintMethod`](super::constraint::ConstraintMethod)). Otherwise, equilibrium is
-//! restored at the same pseudo-time.
+//! ([`PointField::verify`]), if no point changes its material ([`PointField::evolve`]), and if the volumes that
+//! penalties constrain are at their targets ([`ConstraintMethod`](super::constraint::ConstraintMethod)). Otherwise,
+//! equilibrium is restored at the same pseudo-time.
 //!
 //! # Example
 //! A box is stretched by 10 % in two load steps:
@@ -327,7 +327,8 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
     }
 
     /// Advances from the committed state to an equilibrium state at pseudo-time `t` in which every response continues
-    /// the committed state, no point changes its material, and all constraints hold. `solves` collects the reports of the converged Newton
+    /// the committed state, all constraints hold, and no point changes its material. Material changes last, because
+    /// they are decided by the state that the step would end in. `solves` collects the reports of the converged Newton
     /// solves.
     fn attempt(&mut self, t: f64, report: &mut StepReport, solves: &mut Vec<NewtonReport>) -> Attempt<B, P, ()> {
         /// If responses still do not continue the committed state after this many rounds, they alternate between
@@ -342,18 +343,18 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
                 }
                 replacements += 1;
                 report.verification_rounds += 1;
-            } else if self.body.evolve().map_err(Self::rejected)? {
-                if evolutions == self.params.max_evolutions {
-                    return Err(Self::rejected(EquilibriumError::StillChanging(evolutions)));
-                }
-                (evolutions, replacements) = (evolutions + 1, 0);
-                report.evolutions += 1;
             } else if self.body.augment(self.params.newton.tolerance) {
                 if augmentations == self.params.max_augmentations {
                     return Err(Self::rejected(self.body.volume_not_reached(augmentations)));
                 }
-                augmentations += 1;
+                (augmentations, replacements) = (augmentations + 1, 0);
                 report.augmentations += 1;
+            } else if self.body.evolve().map_err(Self::rejected)? {
+                if evolutions == self.params.max_evolutions {
+                    return Err(Self::rejected(EquilibriumError::StillChanging(evolutions)));
+                }
+                (evolutions, replacements, augmentations) = (evolutions + 1, 0, 0);
+                report.evolutions += 1;
             } else {
                 break;
             }

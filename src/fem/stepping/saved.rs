@@ -10,7 +10,8 @@ use crate::las::{Backend, RealBackend};
 
 /// The state of a run after a full step, except the memory of its point field. Loads, deformation gradients and nodal
 /// forces follow from it.
-// Checkpoints contain it: a change of its fields is a new format of checkpoints (`VERSION` in `app/checkpoint/file.rs`).
+// Checkpoints contain it: a change of its fields is a new format of checkpoints (`VERSION` in
+// `app/checkpoint/file.rs`).
 #[derive(Clone, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "app", derive(serde::Serialize, serde::Deserialize))]
 pub struct SavedState {

@@ -8,15 +8,15 @@
 //! ```
 //!
 //! with the gradients `V = dc/dx`, an `n` by `m` matrix that may be dense, and the diagonal matrix `D = dc/dp` of the
-//! compliances. Eliminating `dx = y + Z dp` with `K [y Z] = [r V]` leaves the Schur complement (G. H. Golub and C. F. Van
-//! Loan, *Matrix Computations*, 4th ed., 2013, section 3.2.11)
+//! compliances. Eliminating `dx = y + Z dp` with `K [y Z] = [r V]` leaves the Schur complement (G. H. Golub and C. F.
+//! Van Loan, *Matrix Computations*, 4th ed., 2013, section 3.2.11)
 //!
 //! ```text
 //! (V^T Z + D) dp = c - V^T y.
 //! ```
 //!
-//! The sparse matrix `K` is factored as without constraints, with `m` more right-hand sides. Elimination of `dp` instead,
-//! with `K + V D^-1 V^T`, would need `D > 0` and fill the matrix.
+//! The sparse matrix `K` is factored as without constraints, with `m` more right-hand sides. Elimination of `dp`
+//! instead, with `K + V D^-1 V^T`, would need `D > 0` and fill the matrix.
 
 use crate::las::{Backend, Scalar, SolveError, SolveReport, Solver, Value, VectorOps};
 

@@ -145,7 +145,7 @@ impl<B: Backend<Reduced: Scalar>> NewtonSystem<B> {
                 report.record(&iterate);
                 let (iterations, residual) = (report.iterations, iterate.norm);
                 let limit = iterate.residual_scale.limit(tolerance);
-                if residual <= limit && iterate.settled {
+                if residual <= limit && iterate.settled && problem.is_settled(tolerance) {
                     return Ok(());
                 }
                 if iterations == max_iterations && residual <= limit {

@@ -65,10 +65,18 @@ pub trait NonlinearProblem<B: Backend> {
     }
 
     /// Returns the size of the change of the state that steps are compared with
-    /// ([`NewtonParams::step_tolerance`](super::NewtonParams::step_tolerance)), for example the norm of the displacement
-    /// since the last converged state. The default, `None`, makes these criteria true.
+    /// ([`NewtonParams::step_tolerance`](super::NewtonParams::step_tolerance)), for example the norm of the
+    /// displacement since the last converged state. The default, `None`, makes these criteria true.
     fn state_scale(&self) -> Option<f64> {
         None
+    }
+
+    /// Returns true if what the residual norm does not measure has converged too, at the last state at which the
+    /// residual was evaluated: a constraint whose error is small as a force may still be large by its own measure.
+    /// Otherwise the iteration goes on. The default is true.
+    fn is_settled(&self, tolerance: f64) -> bool {
+        let _ = tolerance;
+        true
     }
 
     /// Returns true if the error does not depend on the state, so that a shorter step cannot help.

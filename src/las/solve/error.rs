@@ -58,7 +58,8 @@ pub enum SolveError<F> {
     /// The unknowns cannot satisfy a constraint of a bordered system: they do not influence it, or only in the same way
     /// as another constraint.
     #[error(
-        "constraint {constraint} is singular: relative pivot {ratio:.1e} (limit {limit:.1e}); the free unknowns do not influence it, or not independently of the other constraints"
+        "constraint {} is singular: relative pivot {ratio:.1e} (limit {limit:.1e}); the free unknowns do not influence it, or not independently of the other constraints",
+        constraint + 1
     )]
     SingularBorder {
         /// The constraint, from 0.

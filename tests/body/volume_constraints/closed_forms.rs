@@ -23,7 +23,8 @@ fn on_axes() -> Vec<PointCondition> {
     (0..3).map(held).collect()
 }
 
-/// The pressures in the cavity of a nearly incompressible sphere of shear modulus 1 at inner stretches of 1.1, 1.5 and 2.
+/// The pressures in the cavity of a nearly incompressible sphere of shear modulus 1 at inner stretches of 1.1, 1.5 and
+/// 2.
 fn inflated(n: usize) -> [f64; 3] {
     let mesh = sphere(ElementType::Hex8, n, n).with_patches(|_| true);
     let curve = [[0.0, 1.0], [0.25, 1.331], [0.5, 3.375], [1.0, 8.0]];
@@ -40,12 +41,12 @@ fn inflated(n: usize) -> [f64; 3] {
     [pressures[0], pressures[1], pressures[3]]
 }
 
-/// The pressure in an incompressible thick sphere of radii 1 and 2 over the shear modulus, at the three stretches (A. E.
-/// Green and W. Zerna, *Theoretical Elasticity*, 1968, section 3.10).
+/// The pressure in an incompressible thick sphere of radii 1 and 2 over the shear modulus, at the three stretches (A.
+/// E. Green and W. Zerna, *Theoretical Elasticity*, 1968, section 3.10).
 const THICK_SPHERE: [f64; 3] = [0.287_154_85, 0.755_433_12, 0.806_926_60];
 
-/// The pressures converge with the square of the element size; with 6 x 4^3 elements, they are 2 to 4 % too high, and the
-/// extrapolation from 2 and 4 elements per edge is within 0.3 %.
+/// The pressures converge with the square of the element size; with 6 x 4^3 elements, they are 2 to 4 % too high, and
+/// the extrapolation from 2 and 4 elements per edge is within 0.3 %.
 #[test]
 fn the_pressure_in_a_driven_cavity_is_that_of_a_thick_sphere() {
     let (coarse, fine) = (inflated(2), inflated(4));

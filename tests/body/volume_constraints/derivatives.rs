@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use biotissue::backends::sparse::Sparse;
 use biotissue::fem::assembly::{Assembler, Unknowns, geometry};
-use biotissue::fem::boundary::{Boundary, Conditions, LoadCurve, Pressure};
+use biotissue::fem::boundary::{Boundary, Conditions, LoadCurve, Pressure, RigidCondition};
 use biotissue::fem::constraint::{Constraints, VolumeConstraint};
 use biotissue::fem::element::ElementType;
 use biotissue::fem::equilibrium::Equilibrium;
@@ -12,6 +12,7 @@ use biotissue::fem::material::NeoHookean;
 use biotissue::fem::mesh::Mesh;
 use biotissue::fem::point_field::FormulaField;
 use biotissue::las::{Backend, MatVec, MatrixOps, NewtonSystem, NonlinearProblem, SolverParams, Symmetry, VectorOps};
+use nalgebra::{Rotation3, Vector3};
 
 use super::hollow_box::hollow_box;
 use super::{cavity, penalized, prescribed, region};
@@ -28,9 +29,13 @@ fn set_up(mesh: Mesh, conditions: &Conditions) -> Setup {
     let mesh = Arc::new(mesh);
     let boundary = Boundary::new(&mesh, conditions).unwrap();
     let prescribed = boundary.prescribed_mask(mesh.nodes().len());
-    let unknowns = Unknowns::new(mesh.nodes().len(), |node, component| prescribed[node][component]).unwrap();
+    let unknowns = Unknowns::new(mesh.nodes().len(), |node, component| prescribed[node][component])
+        .unwrap()
+        .with_kinematics(boundary.kinematics(), &boundary.prescribed_of_rigid_surfaces())
+        .unwrap();
     let geometry = geometry(&mesh).unwrap();
-    let constraints = Constraints::new(&mesh, &geometry, &conditions.constraints, &prescribed).unwrap();
+    let fixed = boundary.fixed_components(mesh.nodes().len());
+    let constraints = Constraints::new(&mesh, &geometry, &conditions.constraints, &fixed).unwrap();
     let pattern = Arc::new(unknowns.pattern(&mesh).unwrap());
     let symbolic = Sparse::<f64>::analyze(&(), &pattern, &SolverParams::new(Symmetry::None)).unwrap();
     let system = NewtonSystem::bordered(&(), &pattern, &symbolic, constraints.len()).unwrap();
@@ -66,11 +71,15 @@ impl Setup {
 }
 
 fn check(mesh: Mesh, constraints: Vec<VolumeConstraint>, pressure: bool) {
-    let held = prescribed("x0", [Some(0.0); 3]);
+    let surfaces = vec![prescribed("x0", [Some(0.0); 3])];
+    check_with(mesh, Conditions { surfaces, constraints, ..Conditions::default() }, pressure);
+}
+
+fn check_with(mesh: Mesh, conditions: Conditions, pressure: bool) {
     let press = Pressure { surface: "walls".into(), value: 0.7, curve: LoadCurve::Ramp };
     let loads: Vec<Arc<dyn biotissue::fem::boundary::LoadCondition>> =
         if pressure { vec![Arc::new(press)] } else { Vec::new() };
-    let conditions = Conditions { surfaces: vec![held], constraints, loads, ..Conditions::default() };
+    let conditions = Conditions { loads, ..conditions };
     let mut setup = set_up(mesh, &conditions);
     let (n, m) = (setup.system.residual.len(), conditions.constraints.len());
     setup.body.begin_step(0.6);
@@ -135,5 +144,31 @@ fn derivatives_are_exact_with_f_bar_two_constraints_a_penalty_and_a_follower_pre
     for element_type in [ElementType::Hex8, ElementType::Tet4] {
         let mesh = hollow_box(element_type).with_patches(|_| true);
         check(mesh, vec![region("*"), penalized(cavity(&["walls", "floor"]))], true);
+    }
+}
+
+/// The wall of the cavity is partly rigid, and the nodes of one side of the body move along an inclined plane.
+#[test]
+fn derivatives_are_exact_with_a_rigid_wall_and_an_inclined_plane() {
+    for element_type in [ElementType::Hex8, ElementType::Tet4, ElementType::Tet10] {
+        let straight = hollow_box(element_type);
+        let frame = Rotation3::from_euler_angles(0.4, -0.7, 1.1);
+        let nodes = straight.nodes().iter().map(|&x| (frame * Vector3::from(x)).into()).collect();
+        let (elements, regions) = (straight.elements().clone(), straight.regions().to_vec());
+        let (region_of, surfaces) = (straight.region_of().to_vec(), straight.surfaces().to_vec());
+        let mesh = Mesh::new(nodes, elements, region_of, regions, surfaces).unwrap().with_patches(|_| true);
+        let rigid = RigidCondition {
+            surface: "floor".into(),
+            reference: None,
+            displacement: [None, Some(0.02.into()), None],
+            rotation: [None, None, Some(0.3.into())],
+        };
+        let conditions = Conditions {
+            symmetry_planes: vec!["x0".into()],
+            rigid: vec![rigid],
+            constraints: vec![region("*"), penalized(cavity(&["walls", "floor"]))],
+            ..Conditions::default()
+        };
+        check_with(mesh, conditions, true);
     }
 }

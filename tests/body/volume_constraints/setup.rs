@@ -41,7 +41,7 @@ fn open_cavities_name_their_edges() {
     let error = refused(&sheared(vec![cavity(&["floor", "walls", "floor"])]));
     let ConstraintError::Open { edges, .. } = &error else { panic!("{error}") };
     assert_eq!(edges[0].faces, 3);
-    assert!(error.to_string().contains("has 3 faces with opposite normals"), "{error}");
+    assert!(error.to_string().contains("has 3 faces that do not continue each other"), "{error}");
 }
 
 #[test]

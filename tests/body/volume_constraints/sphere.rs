@@ -5,8 +5,8 @@ use std::collections::HashMap;
 use biotissue::fem::element::ElementType;
 use biotissue::fem::mesh::{Elements, Faces, Mesh, Surface, shapes};
 
-/// A thick sphere of hexahedra between the radii 1 and 2: six mapped boxes of `n` by `n` elements and `layers` layers, with
-/// the surfaces `inner` and `outer`.
+/// A thick sphere of hexahedra between the radii 1 and 2: six mapped boxes of `n` by `n` elements and `layers` layers,
+/// with the surfaces `inner` and `outer`.
 pub fn sphere(element_type: ElementType, n: usize, layers: usize) -> Mesh {
     let cell = shapes::cuboid_of(element_type, [n, n, layers], [1.0; 3]).unwrap();
     let (mut nodes, mut elements) = (Vec::<[f64; 3]>::new(), Elements::default());

@@ -1,7 +1,7 @@
 //! Built-in meshes: the box, the dogbone and the tube.
 //!
-//! All are grids of hexahedra, which may be cut into six tetrahedra each ([`KUHN`]). Adjacent cells cut their common face along the
-//! same diagonal, so the mesh is conforming.
+//! All are grids of hexahedra, which may be cut into six tetrahedra each ([`KUHN`]). Adjacent cells cut their common
+//! face along the same diagonal, so the mesh is conforming.
 
 mod axial_grading;
 mod cuboid;

@@ -1,0 +1,89 @@
+//! Resolution of conditions that share nodes: planes of symmetry, rigid surfaces, and the groups of nodes that loads couple.
+
+use std::collections::BTreeMap;
+
+use super::prescribed::PrescribedCollector;
+use super::rigid::ResolvedRigid;
+use super::skew::{GivenDirection, plane_normal};
+use super::{BoundaryError, CoupledNodes, LoadCurve, RigidCondition, Source, find_surface};
+use crate::fem::mesh::Mesh;
+
+/// Returns the normals of the inclined planes of each node; the displacements normal to the other planes are
+/// components, which are prescribed.
+pub(super) fn symmetry_planes(
+    mesh: &Mesh,
+    names: &[String],
+    prescribed: &mut PrescribedCollector<'_>,
+) -> Result<BTreeMap<u32, Vec<GivenDirection>>, BoundaryError> {
+    let mut of_nodes: BTreeMap<u32, Vec<GivenDirection>> = BTreeMap::new();
+    for name in names {
+        let (number, surface) = find_surface(mesh, name)?;
+        let (normal, source) = (plane_normal(mesh, surface)?, Source::Surface(number));
+        let nodes = surface.nodes();
+        if let Some(component) = (0..3).find(|&k| normal[k].abs() > 1.0 - f64::EPSILON) {
+            let held = std::array::from_fn(|k| (k == component).then_some(0.0));
+            prescribed.add(&nodes, &held, &LoadCurve::Ramp, source)?;
+            continue;
+        }
+        for node in nodes {
+            of_nodes.entry(node).or_default().push(GivenDirection { source, along: normal, component: None });
+        }
+    }
+    Ok(of_nodes)
+}
+
+/// Resolves rigid surfaces and removes the conditions on their nodes that they satisfy.
+///
+/// # Errors
+/// Returns [`BoundaryError::RigidConflict`] for a node with another condition.
+pub(super) fn rigid_surfaces(
+    mesh: &Mesh,
+    conditions: &[RigidCondition],
+    prescribed: &mut PrescribedCollector<'_>,
+    planes: &mut BTreeMap<u32, Vec<GivenDirection>>,
+) -> Result<Vec<ResolvedRigid>, BoundaryError> {
+    let mut owner: BTreeMap<u32, usize> = BTreeMap::new();
+    let mut all = Vec::with_capacity(conditions.len());
+    for condition in conditions {
+        let rigid = condition.resolve(mesh)?;
+        let number = rigid.surface.surface;
+        for &node in &rigid.surface.nodes {
+            let conflict = |other: Source| BoundaryError::RigidConflict {
+                node: node as usize,
+                rigid: Source::Surface(number).describe(mesh),
+                other: other.describe(mesh),
+            };
+            if let Some(other) = owner.insert(node, number) {
+                return Err(conflict(Source::Surface(other)));
+            }
+            let of_node = planes.remove(&node).unwrap_or_default();
+            if let Some(plane) = of_node.iter().find(|plane| !rigid.holds_along(&plane.along)) {
+                return Err(conflict(plane.source));
+            }
+            if let Some(other) = prescribed.take(node).iter().find(|component| !rigid.agrees_with(component)) {
+                return Err(conflict(other.source));
+            }
+        }
+        all.push(rigid);
+    }
+    Ok(all)
+}
+
+/// Checks that the nodes of each group belong to one element, so that the sparsity pattern couples them.
+pub(super) fn check_coupled_nodes(mesh: &Mesh, coupled: CoupledNodes<'_>) -> Result<(), BoundaryError> {
+    if coupled.is_none() {
+        return Ok(());
+    }
+    let mut elements_of = vec![Vec::new(); mesh.nodes().len()];
+    for nodes in mesh.elements() {
+        nodes.iter().for_each(|&node| elements_of[node as usize].push(nodes));
+    }
+    for group in coupled.groups() {
+        let elements = group.first().and_then(|&node| elements_of.get(node as usize));
+        let contain = |nodes: &&[u32]| group.iter().all(|node| nodes.contains(node));
+        if !elements.is_some_and(|elements| elements.iter().any(contain)) {
+            return Err(BoundaryError::NotInOneElement(group.to_vec()));
+        }
+    }
+    Ok(())
+}
