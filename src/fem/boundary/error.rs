@@ -49,7 +49,7 @@ pub enum BoundaryError {
         /// The value.
         value: f64,
         /// The [formula](super::LoadFunction::formula) of the factor.
-        formula: Option<Box<str>>,
+        formula: Option<String>,
         /// The pseudo-time.
         t: f64,
         /// The position in the reference state, m.
@@ -67,9 +67,9 @@ pub enum BoundaryError {
     #[error(
         "node {node} is given two {}-displacements: {} by {first} and {} by {second}{}",
         component_name(*component),
-        displacement(*first_value, first_formula.as_deref()),
-        displacement(*second_value, second_formula.as_deref()),
-        curves(first_formula.is_some(), second_formula.is_some())
+        displacement(*first_value, formulas[0].as_deref()),
+        displacement(*second_value, formulas[1].as_deref()),
+        curves(formulas)
     )]
     Conflict {
         /// The node, from 0.
@@ -80,14 +80,12 @@ pub enum BoundaryError {
         first: String,
         /// The displacement of the first condition at a factor of 1, m.
         first_value: f64,
-        /// The [formula](super::LoadFunction::formula) of its factor.
-        first_formula: Option<Box<str>>,
         /// The second condition.
         second: String,
         /// The displacement of the second condition at a factor of 1, m.
         second_value: f64,
-        /// The formula of its factor.
-        second_formula: Option<Box<str>>,
+        /// The [formulas](super::LoadFunction::formula) of both factors.
+        formulas: Box<[Option<String>; 2]>,
     },
     /// A plane of symmetry is not a plane.
     #[error("surface `{surface}` is not one plane: {}", planarity(*degrees))]
@@ -113,7 +111,7 @@ pub enum BoundaryError {
         /// The displacement of that condition at a factor of 1, m.
         value: f64,
         /// The formula of its factor.
-        formula: Option<Box<str>>,
+        formula: Option<String>,
     },
     /// A node of a rigid surface has another condition that the rigid surface does not satisfy by itself.
     #[error("node {node} belongs to the rigid {rigid}, but also to {other}")]
@@ -155,10 +153,10 @@ fn displacement(value: f64, formula: Option<&str>) -> String {
 }
 
 /// Completes a message with two displacements: those without a formula have curves that the message does not show.
-fn curves(first_has_formula: bool, second_has_formula: bool) -> &'static str {
-    match (first_has_formula, second_has_formula) {
-        (false, false) => " (times their curves)",
-        (true, true) => "",
+fn curves(formulas: &[Option<String>; 2]) -> &'static str {
+    match formulas {
+        [None, None] => " (times their curves)",
+        [Some(_), Some(_)] => "",
         _ => " (the number times its curve)",
     }
 }

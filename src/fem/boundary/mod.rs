@@ -361,7 +361,7 @@ fn check_finite_at(
     let factor = curve.factor(t, position);
     match values.iter().map(|value| value * factor).find(|value| !value.is_finite()) {
         Some(value) => {
-            let formula = curve.formula().map(Into::into);
+            let formula = curve.formula().map(str::to_owned);
             Err(BoundaryError::NotFiniteAt { place: place(), value, formula, t, position })
         }
         None => Ok(()),

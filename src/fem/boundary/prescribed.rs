@@ -50,8 +50,8 @@ impl PrescribedComponent {
     }
 
     /// Returns the formula of the factor.
-    pub(super) fn formula(&self) -> Option<Box<str>> {
-        self.curve.formula().map(Into::into)
+    pub(super) fn formula(&self) -> Option<String> {
+        self.curve.formula().map(str::to_owned)
     }
 
     /// Returns true if the displacement is 0 at all times.
@@ -132,10 +132,9 @@ impl<'m> PrescribedCollector<'m> {
             component: usize::from(new.component),
             first: first.source.describe(self.mesh),
             first_value: first.value,
-            first_formula: first.formula(),
             second: new.source.describe(self.mesh),
             second_value: new.value,
-            second_formula: new.formula(),
+            formulas: Box::new([first.formula(), new.formula()]),
         })
     }
 
