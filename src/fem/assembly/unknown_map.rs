@@ -39,7 +39,7 @@ impl<B: RealBackend> Assembler<B> {
     /// Panics if `forces` has fewer nodes than the mesh.
     pub fn scatter(&self, forces: &mut [[f64; 3]], motions: &[RigidMotion], r: &mut B::Vector) -> Result<(), B::Error> {
         let of_rigid_surfaces = self.kinematics.rigid_forces(motions, forces);
-        self.kinematics.to_frames(forces);
+        self.kinematics.rotate_to_frames(forces);
         r.add(&self.equation_numbers, forces.as_flattened())?;
         self.rigid_equations.iter().zip(&of_rigid_surfaces).try_for_each(|(rows, forces)| r.add(rows, forces))
     }
@@ -50,7 +50,7 @@ impl<B: RealBackend> Assembler<B> {
     /// Panics if `forces` has fewer nodes than the mesh.
     pub fn free_norm(&self, forces: &mut [[f64; 3]], motions: &[RigidMotion]) -> f64 {
         let of_rigid_surfaces = self.kinematics.rigid_forces(motions, forces);
-        self.kinematics.to_frames(forces);
+        self.kinematics.rotate_to_frames(forces);
         let of_nodes = self.equation_numbers.iter().zip(forces.as_flattened());
         let of_surfaces = self.rigid_equations.as_flattened().iter().zip(of_rigid_surfaces.as_flattened());
         let free = of_nodes.chain(of_surfaces).filter(|(equation, _)| equation.position().is_some());
@@ -76,7 +76,7 @@ impl<B: RealBackend> Assembler<B> {
         // `get` does not write prescribed components; they stay at zero.
         nodal.fill([0.0; 3]);
         direction.get(&self.equation_numbers, nodal.as_flattened_mut())?;
-        self.kinematics.from_frames(nodal);
+        self.kinematics.rotate_from_frames(nodal);
         for (u, d) in displacements.as_flattened_mut().iter_mut().zip(nodal.as_flattened()) {
             *u += a * d;
         }

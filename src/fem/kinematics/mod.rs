@@ -162,7 +162,7 @@ impl Kinematics {
     }
 
     /// Replaces the forces on nodes with frames by their components along the frames.
-    pub(super) fn to_frames(&self, forces: &mut [[f64; 3]]) {
+    pub(super) fn rotate_to_frames(&self, forces: &mut [[f64; 3]]) {
         for (node, directions) in self.frames() {
             let force = &mut forces[node as usize];
             *force = directions.tr_mul(&Vector3::from(*force)).into();
@@ -170,7 +170,7 @@ impl Kinematics {
     }
 
     /// Replaces the components of vectors along frames by those along x, y and z.
-    pub(super) fn from_frames(&self, vectors: &mut [[f64; 3]]) {
+    pub(super) fn rotate_from_frames(&self, vectors: &mut [[f64; 3]]) {
         for (node, directions) in self.frames() {
             let vector = &mut vectors[node as usize];
             *vector = (directions * Vector3::from(*vector)).into();

@@ -17,7 +17,7 @@ fn displacements(kinematics: &Kinematics, unknowns: &[f64; 12]) -> (Vec<[f64; 3]
     let mut nodal = vec![[0.0; 3]; 4];
     nodal[0].copy_from_slice(&unknowns[..3]);
     nodal[1].copy_from_slice(&unknowns[3..6]);
-    kinematics.from_frames(&mut nodal);
+    kinematics.rotate_from_frames(&mut nodal);
     let mut increments = [0.0; 6];
     increments.copy_from_slice(&unknowns[6..]);
     let mut motions = vec![MOTION];
@@ -45,7 +45,7 @@ fn residual(kinematics: &Kinematics, unknowns: &[f64; 12]) -> [f64; 12] {
     let (u, motions) = displacements(kinematics, unknowns);
     let (mut forces, _) = forces(&u);
     let rigid = kinematics.rigid_forces(&motions, &forces);
-    kinematics.to_frames(&mut forces);
+    kinematics.rotate_to_frames(&mut forces);
     let parts = [&forces[0][..], &forces[1], &rigid[0]].concat();
     std::array::from_fn(|k| parts[k])
 }
