@@ -38,8 +38,8 @@ impl<'a> Rows<'a> {
         Self { file, text, reader, counted: (0, 1) }
     }
 
-    /// Returns the line of the first row that starts at a byte or after it.
-    fn line_from(&mut self, byte: usize) -> usize {
+    /// Returns the line of the first row that starts at a byte or after it; `None` if only blank lines and comments follow.
+    fn line_from(&mut self, byte: usize) -> Option<usize> {
         let mut start = byte;
         loop {
             match self.text.get(start) {
@@ -48,7 +48,8 @@ impl<'a> Rows<'a> {
                     let length = self.text[start..].iter().take_while(|&&byte| byte != b'\n').count();
                     start += length;
                 }
-                _ => break,
+                Some(_) => break,
+                None => return None,
             }
         }
         let (mut at, mut line) = self.counted;
@@ -62,7 +63,7 @@ impl<'a> Rows<'a> {
             at += 1;
         }
         self.counted = (at, line);
-        line
+        Some(line)
     }
 }
 
@@ -71,12 +72,10 @@ impl Iterator for Rows<'_> {
 
     fn next(&mut self) -> Option<Self::Item> {
         let start = usize::try_from(self.reader.position().byte()).unwrap_or(usize::MAX);
+        // Also ends at a comment without a line break, which `csv` takes for a row.
+        let line = self.line_from(start)?;
         let mut cells = csv::ByteRecord::new();
-        let read = self.reader.read_byte_record(&mut cells);
-        let line = self.line_from(start.min(self.text.len()));
-        match read {
-            // The crate takes a comment without a line end, at the end of the text, for a row.
-            Ok(true) if self.counted.0 == self.text.len() => None,
+        match self.reader.read_byte_record(&mut cells) {
             Ok(true) => Some(Ok(Row { line, cells })),
             Ok(false) => None,
             Err(error) => {
