@@ -1,10 +1,12 @@
 //! Errors in input files: the position, the problem, the expected content, and the cure.
 
+#[cfg(feature = "app")]
 mod rows;
 
 use std::fmt::{self, Write as _};
 use std::path::{Path, PathBuf};
 
+#[cfg(feature = "app")]
 pub(crate) use rows::{Row, Rows};
 
 /// The number of errors that a message shows.

@@ -23,6 +23,7 @@ mod meshes;
 mod other_code;
 #[cfg(feature = "sparse")]
 mod pressure;
+#[cfg(feature = "sparse")]
 mod rigid_surfaces;
 #[cfg(feature = "sparse")]
 mod state_dependent_loads;

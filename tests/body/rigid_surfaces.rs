@@ -213,6 +213,27 @@ fn a_prism_bends_by_a_right_angle() {
     assert!((Vector3::from(force.motion.displacement) - end).norm() < 0.15, "{:?}", force.motion);
 }
 
+/// Nothing of a failed attempt remains in the motion of a rigid surface: a bend in one step, which must be cut, ends like
+/// one in small steps.
+#[test]
+fn cut_steps_end_in_the_state_of_uncut_ones() {
+    let mesh = shapes::cuboid_of(ElementType::Hex8, [6, 1, 1], [6.0, 1.0, 1.0]).unwrap();
+    let conditions = Conditions {
+        surfaces: vec![clamp("x0")],
+        rigid: vec![rigid("x1", [None; 3], [None, Some(0.0), Some(2.5)])],
+        ..Conditions::default()
+    };
+    let mut cut = setup(mesh.clone(), &conditions, 1).unwrap();
+    let reports = cut.run(&mut ()).unwrap();
+    assert!(reports[0].cuts > 0, "{}", reports[0].cuts);
+    let whole = solved(mesh, &conditions, 20);
+    for (one, other) in cut.state().displacements.iter().zip(&whole.state().displacements) {
+        assert!((Vector3::from(*one) - Vector3::from(*other)).norm() < 1e-8);
+    }
+    let [one, other] = [&cut, &whole].map(|body| body.forces().rigid[0].motion);
+    assert_eq!(one.rotation[1..], other.rotation[1..]);
+}
+
 /// A half of the bent prism, with a plane of symmetry that contains nodes of the rigid surface.
 #[test]
 fn a_rigid_surface_may_share_nodes_with_a_plane_that_it_keeps() {

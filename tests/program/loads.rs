@@ -187,3 +187,52 @@ fn a_body_without_supports_is_held_against_rigid_motions_if_its_loads_balance() 
     let failed = line(folder, "run case.toml --out other");
     assert!(failed.failed(3).contains("do not balance on the deformed body"), "{}", failed.stderr);
 }
+
+/// Conditions that contradict the mesh or each other, with the exact errors.
+#[test]
+fn contradictory_planes_and_rigid_surfaces_are_reported_with_line_and_cure() {
+    let folder = tempfile::tempdir().unwrap();
+    let head = format!("[[region]]\nname = \"*\"\nmaterial = {{ {CONSTANTS} }}\n");
+    let tube =
+        "[mesh]\ngenerate = { shape = \"tube\", cells = [1, 8, 1], inner_radius = 1, outer_radius = 2, length = 1 }\n";
+    let block = "[mesh]\ngenerate = { shape = \"box\", cells = [1, 1, 1], size = [1, 1, 1] }\n";
+    let boundary = |surface: &str, load: &str| format!("[[boundary]]\nsurface = \"{surface}\"\n{load}\n");
+    let cases = [
+        (
+            tube,
+            boundary("inner", "symmetry = true"),
+            "case.toml:6: surface `inner` is not one plane: the normals of its faces differ by up to 90.000 degrees from their mean\n  \
+             expected: a plane surface, of any orientation\n  \
+             cure: name each plane of the surface as a physical group of its own\n",
+        ),
+        (
+            block,
+            boundary("x0", "symmetry = true") + &boundary("x0", "displacement = { x = 0.1 }"),
+            "case.toml:9: node 0 is given two x-displacements: 1e-1 m by surface `x0` and 0e0 m by surface `x0` (times their curves)\n  \
+             expected: each displacement component of a node prescribed once, or alike\n  \
+             cure: the two surfaces or points share a node: leave the component out of one of the two\n",
+        ),
+        (
+            block,
+            boundary("x1", "rigid = { displacement = { x = 0.1 } }") + &boundary("y0", "displacement = { y = 0.0 }"),
+            "case.toml:6: node 1 belongs to the rigid surface `x1`, but also to surface `y0`\n  \
+             expected: nodes whose other conditions hold only components that the rigid surface holds: displacement 0 along \
+             them, and rotation 0 about the other two axes\n  \
+             cure: prescribe these components of `rigid`, or leave the nodes out of one of the two surfaces\n",
+        ),
+        (
+            block,
+            boundary("x1", "rigid = { rotation = { x = 7.0 } }"),
+            "case.toml:6: surface `x1` is turned by 7.0000 rad while a component of its rotation vector is free; at 2 pi, \
+             rotations about all axes coincide\n  \
+             expected: a rotation below 2 pi rad, or all three components prescribed\n  \
+             cure: prescribe all components of `rotation`, such as 0.0 for the others\n",
+        ),
+    ];
+    for (mesh, boundaries, expected) in cases {
+        std::fs::write(folder.path().join("case.toml"), format!("{mesh}{head}{boundaries}")).unwrap();
+        let checked = line(folder.path(), "check case.toml");
+        let message = checked.failed(2);
+        assert!(message.contains(expected), "{message}\nexpected:\n{expected}");
+    }
+}

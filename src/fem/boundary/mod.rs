@@ -37,6 +37,7 @@ pub use point_load::PointLoad;
 pub use prescribed::{PrescribedComponent, Source};
 pub use pressure::Pressure;
 pub(in crate::fem) use pressure::{add_pressure_stiffness, unmatched_edges};
+#[cfg(feature = "app")]
 pub(crate) use rigid::centroid;
 pub use rigid::{RigidCondition, TimedValue};
 

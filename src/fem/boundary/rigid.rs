@@ -83,7 +83,8 @@ impl ResolvedRigid {
             Vector3::from(motion.rotation).norm()
         };
         let largest = (0..=SAMPLES).map(angle).fold(0.0, f64::max);
-        if largest < TAU {
+        // Values that are not finite are reported where they are used.
+        if largest < TAU || !largest.is_finite() {
             return Ok(());
         }
         Err(BoundaryError::RotationTooLarge { surface: surface.to_owned(), angle: largest })
@@ -122,8 +123,10 @@ impl ResolvedRigid {
 
     /// Returns true if the surface cannot move its nodes along a direction, whatever its other motions.
     pub fn holds_along(&self, direction: &Vector3<f64>) -> bool {
+        /// The rounding error of a normal.
+        const ZERO: f64 = 1e-12;
         let is_held = |k: usize| self.components[k].as_ref().is_some_and(|component| component.value == 0.0);
-        (0..3).all(|k| direction[k] == 0.0 || is_held(k)) && (3..6).all(is_held)
+        (0..3).all(|k| direction[k].abs() < ZERO || is_held(k)) && (3..6).all(is_held)
     }
 
     /// Returns true if the surface holds the displacements that a component prescribes on one of its nodes.
