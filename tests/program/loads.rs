@@ -201,7 +201,7 @@ fn contradictory_planes_and_rigid_surfaces_are_reported_with_line_and_cure() {
         (
             tube,
             boundary("inner", "symmetry = true"),
-            "case.toml:6: surface `inner` is not one plane: the normals of its faces differ by up to 90.000 degrees from their mean\n  \
+            "case.toml:6: surface `inner` is not one plane: its faces point to opposite sides\n  \
              expected: a plane surface, of any orientation\n  \
              cure: name each plane of the surface as a physical group of its own\n",
         ),

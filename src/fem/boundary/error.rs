@@ -92,7 +92,8 @@ pub enum BoundaryError {
     NotPlanar {
         /// The name of the surface.
         surface: String,
-        /// The greatest angle between the normal of a face and the mean normal; 0 if the faces are parallel.
+        /// The greatest angle between the normal of a face and the mean normal; 180 if the faces point to opposite sides,
+        /// 0 if they are parallel.
         degrees: f64,
     },
     /// A node of a plane of symmetry is moved out of the plane.
@@ -162,7 +163,9 @@ fn curves(formulas: &[Option<String>; 2]) -> &'static str {
 }
 
 fn planarity(degrees: f64) -> String {
-    if degrees > 0.0 {
+    if degrees >= 180.0 {
+        "its faces point to opposite sides".into()
+    } else if degrees > 0.0 {
         format!("the normals of its faces differ by up to {degrees:.3} degrees from their mean")
     } else {
         "its nodes lie in several parallel planes".into()

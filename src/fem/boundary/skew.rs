@@ -182,8 +182,10 @@ pub(super) fn plane_normal(mesh: &Mesh, surface: &Surface) -> Result<Vector3<f64
     let total: f64 = normals.iter().map(Vector3::norm).sum();
     let mean = sum.try_normalize(0.0).unwrap_or_else(Vector3::zeros);
     let deviation = normals.iter().map(|normal| (normal.normalize() - mean).norm()).fold(0.0, f64::max);
-    if normals.is_empty() || !(sum.norm() > 0.5 * total && deviation <= PLANAR) {
-        let degrees = 2.0 * (0.5 * deviation.min(2.0)).asin().to_degrees();
+    // The mean of normals that point to all sides is rounding.
+    let has_sides = normals.is_empty() || sum.norm() <= 0.5 * total;
+    if has_sides || deviation > PLANAR {
+        let degrees = if has_sides { 180.0 } else { 2.0 * (0.5 * deviation.min(2.0)).asin().to_degrees() };
         return Err(BoundaryError::NotPlanar { surface: surface.name.clone(), degrees });
     }
     // All nodes must lie in one plane, not in two parallel ones.
