@@ -94,7 +94,7 @@ fn a_body_that_nothing_supports_is_refused() {
     assert!(refused.failed(2).contains("free to move along y and z and to rotate about x"), "{}", refused.stderr);
 }
 
-/// A bar twisted by a rigid grip; its length is free.
+/// A bar twisted by a rigid grip, which a traction pulls along its free direction.
 pub fn twisted(material: &str, mesh: &str) -> String {
     format!(
         r#"
@@ -113,6 +113,9 @@ pub fn twisted(material: &str, mesh: &str) -> String {
         surface = "x1"
         rigid = {{ reference = [1.0, 0.25, 0.25], displacement = {{ y = 0.0, z = 0.0 }}, rotation = {{ x = 0.6, y = 0.0, z = 0.0 }} }}
         curve = [[0.0, 0.0], [0.5, 1.0], [1.0, 1.5]]
+        [[boundary]]
+        surface = "x1"
+        traction = [50.0, 0.0, 0.0]
         [steps]
         count = 4
         "#
@@ -148,7 +151,7 @@ fn a_twisted_bar_does_not_depend_on_ranks_rves_or_interruptions() {
         assert!((grip.rotation[0] - 0.9).abs() < 1e-15 && grip.rotation[1..] == [0.0; 2], "{:?}", grip.rotation);
         assert!(grip.moment[0] > 1.0 && grip.displacement[0].abs() > 1e-4, "{grip:?}");
         let force = last.surfaces[found.names.surfaces.iter().position(|surface| surface == "x1").unwrap()].force;
-        assert!(force[0].abs() < 1e-6, "the length is free: {force:?}");
+        assert!((force[0] - 12.5).abs() < 1e-6, "the traction alone acts along the free direction: {force:?}");
     }
 }
 

@@ -125,7 +125,8 @@ fn prescribed_components(load: &SurfaceLoad) -> [bool; 3] {
         SurfaceLoad::Displacement(components) => components.each_ref().map(Option::is_some),
         SurfaceLoad::Traction(components) => components.each_ref().map(|component| !component.is_zero()),
         SurfaceLoad::Pressure(_) | SurfaceLoad::Foundation(_) | SurfaceLoad::Symmetry => [false; 3],
-        SurfaceLoad::Rigid(_) => [true; 3],
+        // The other components are free, so that a traction may act along them.
+        SurfaceLoad::Rigid(rigid) => rigid.displacement.each_ref().map(Option::is_some),
     }
 }
 

@@ -219,9 +219,12 @@
 //! # Nearly incompressible materials
 //!
 //! Linear elements are far too stiff in nearly incompressible materials: they lock. With `f_bar = true`, each linear
-//! hexahedron of the region, or patch of linear tetrahedra, has one dilatation, which prevents locking at the price of an
-//! unsymmetric tangent (see [`assembly`](crate::fem::assembly#f-bar)). Quadratic elements (`order = 2`) are an
-//! alternative. `biotissue check` warns of linear elements without `f_bar` at Poisson ratios above 0.45.
+//! hexahedron of the region, or patch of linear tetrahedra, has one dilatation, which prevents locking at the price of
+//! an unsymmetric tangent (see [`assembly`](crate::fem::assembly#f-bar)). Quadratic elements (`order = 2`) are an
+//! alternative. `biotissue check` warns of linear elements without `f_bar` at Poisson ratios above 0.45. The dilatation
+//! is that of the center of a hexahedron, so that the volume of a strongly deformed coarse mesh (`NAME.volume` in
+//! `loads.csv`) differs from it; a `[[constraint]]` controls the true volume, and its pressure then depends on the
+//! mesh. Use quadratic elements, or a finer mesh, where the pressure of a constraint matters.
 //!
 //! # Rigid surfaces and free bodies
 //!
@@ -232,18 +235,21 @@
 //! curve = "ramp"                           # default; of the displacement and the rotation
 //! ```
 //!
-//! `displacement` (m) moves the reference point (`reference`, in mesh units; by default the centroid of the surface), and
-//! `rotation` is the rotation vector about it: the axis times the angle in rad. A component that is not named is free, so
-//! that no force or moment acts along it. `loads.csv` gives the moment about the displaced reference point and the motion.
-//! See [`RigidCondition`](crate::fem::boundary::RigidCondition).
+//! `displacement` (m) moves the reference point (`reference`, in mesh units; by default the centroid of the surface),
+//! and `rotation` is the rotation vector about it: the axis times the angle in rad. A component that is not named is
+//! free, so that no force or moment acts along it, except those of other loads: a `traction`, `pressure` or
+//! `foundation` on the same surface acts on the grip. `loads.csv` gives the moment about the displaced reference point
+//! and the motion. See [`RigidCondition`](crate::fem::boundary::RigidCondition).
 //!
 //! ```toml
 //! [body]
 //! free = "rigid"                           # hold the free rigid-body motions of a body whose loads balance
 //! ```
 //!
-//! adds the fewest zero displacements of single nodes that prevent rigid-body motions; `biotissue check` lists them. They
-//! exert no force if the loads balance; otherwise the step fails.
+//! adds the fewest zero displacements of single nodes that prevent rigid-body motions; `biotissue check` lists them.
+//! They exert no force if the loads balance on the deformed body; otherwise the step fails. A rigid surface with a
+//! prescribed and a free component of its rotation vector resists tilting, so that its moments do not balance those of
+//! another one.
 //!
 //! # Volume constraints
 //!
@@ -255,12 +261,12 @@
 //! penalty = 100.0                          # default
 //! ```
 //!
-//! A constraint finds the pressure that gives a region or a cavity its volume. A positive pressure presses on the walls of
-//! the cavity, or expands the region; `loads.csv` lists it. The `multiplier` satisfies the constraint in every
-//! equilibrium. The `penalty` method (augmented Lagrangian) restores equilibrium with adapted pressures until the volume is
-//! within the tolerance of `[newton]`, relative to the volume at rest. `penalty` is the penalty parameter in units of
-//! `|A| / V0`, with the mean norm `|A|` of the tangent at rest in Pa and the volume `V0` at rest: larger values need fewer
-//! rounds, which `log.jsonl` counts as `augmentations`. See [`constraint`](crate::fem::constraint).
+//! A constraint finds the pressure that gives a region or a cavity its volume. A positive pressure presses on the walls
+//! of the cavity, or expands the region; `loads.csv` lists it. The `multiplier` satisfies the constraint in every
+//! equilibrium. The `penalty` method (augmented Lagrangian) restores equilibrium with adapted pressures until the
+//! volume is within the tolerance of `[newton]`, relative to the volume at rest. `penalty` is the penalty parameter in
+//! units of `|A| / V0`, with the mean norm `|A|` of the tangent at rest in Pa and the volume `V0` at rest: larger
+//! values need fewer rounds, which `log.jsonl` counts as `augmentations`. See [`constraint`](crate::fem::constraint).
 //!
 //! # Iterative solvers
 //!
@@ -291,11 +297,12 @@
 //! ```
 //!
 //! The box and the tube consist of six tetrahedra per cell (`tet4`), of two wedges (`wedge6`), or of one hexahedron
-//! (`hex8`). The `cells` of the tube are those through its wall, around its axis (3 or more) and along it; its region is
-//! `wall`, its surfaces are `inner`, `outer`, `z0` and `z1`. With elements of order 1 it is a prism.
-//! `order = 2` replaces linear tetrahedra by those of 10 nodes, and linear hexahedra by those of 20 or 27 nodes, in any
-//! source of the mesh; the new nodes lie at the centers of edges, faces and elements, so that curved surfaces do not
-//! become smoother. Only those of the tube lie on its cylinders. There are no wedges of order 2. A mesh that is of order 2 in its file needs no `order`.
+//! (`hex8`). The `cells` of the tube are those through its wall, around its axis (3 or more) and along it; its region
+//! is `wall`, its surfaces are `inner`, `outer`, `z0` and `z1`. With elements of order 1 it is a prism. `order = 2`
+//! replaces linear tetrahedra by those of 10 nodes, and linear hexahedra by those of 20 or 27 nodes, in any source of
+//! the mesh; the new nodes lie at the centers of edges, faces and elements, so that curved surfaces do not become
+//! smoother. Only those of the tube lie on its cylinders. There are no wedges of order 2. A mesh that is of order 2 in
+//! its file needs no `order`.
 //!
 //! A `.vtu` file (`file = "body.vtu"`) has numbers instead of names: the regions `region_1`, `region_2`, ... and the
 //! surfaces `surface_1`, ... are the values of an integer array `region` of its cells ([`crate::app::vtu`]).
@@ -317,19 +324,19 @@
 //!
 //! `t` is the pseudo-time from 0 to 1, and `x`, `y`, `z` are the position in the reference state, m.
 //! [`crate::app::expression`] lists operators and functions. Displacements of surfaces and points and forces on points
-//! are evaluated at nodes; tractions, pressures and body forces (`value = [...]`) at integration points; the displacement
-//! and the rotation of a `rigid` surface at its reference point.
+//! are evaluated at nodes; tractions, pressures and body forces (`value = [...]`) at integration points; the
+//! displacement and the rotation of a `rigid` surface at its reference point.
 //!
 //! An expression that contains `t` is the value at every time, and a `curve` beside it is an error. Everything else,
 //! numbers and expressions of the position, is multiplied by the curve, which is `t` by default. So
 //! `traction = ["1e3*t*z", 5.0, 0.0]` is the same as `["1e3*t*z", "5.0*t", 0.0]`. An expression without variables is a
 //! number. A value that is not finite where it is evaluated, at `t` = 0 or the end of a step, is an error.
 //!
-//! Increments end at the points of a table, but not at the times at which the rate of an expression jumps, such as those of
-//! `min`, `step` and `abs` of `t`: choose `[steps] count` so that a step ends there.
+//! Increments end at the points of a table, but not at the times at which the rate of an expression jumps, such as
+//! those of `min`, `step` and `abs` of `t`: choose `[steps] count` so that a step ends there.
 //!
-//! Two boundaries or points that share a node may prescribe the same component there if their displacements are equal: as
-//! numbers and curves, or else exactly at every hundredth of pseudo-time and at the points of tables.
+//! Two boundaries or points that share a node may prescribe the same component there if their displacements are equal:
+//! as numbers and curves, or else exactly at every hundredth of pseudo-time and at the points of tables.
 //!
 //! # Fields of material parameters
 //!
@@ -351,15 +358,15 @@
 //! An expression is evaluated at the reference position of every integration point; the other fields have one value for
 //! each element. A CSV file has names in its first line and one row for each element of the mesh, in the order of the
 //! result files, or in any order with a column `element` (from 0); rows of elements outside of the region may then be
-//! missing. The cells of another `.vtu` file are those of the mesh in the same order, in mesh units or in meters, such as
-//! those of a result file.
-//! Each value must be in the range of the number that it replaces. `biotissue check` prints the range of every field.
-//! [`crate::app::material_fields`] evaluates fields.
+//! missing. The cells of another `.vtu` file are those of the mesh in the same order, in mesh units or in meters, such
+//! as those of a result file. Each value must be in the range of the number that it replaces. `biotissue check` prints
+//! the range of every field. [`crate::app::material_fields`] evaluates fields.
 //!
 //! # Restrictions
 //!
 //! * A surface may appear in several boundaries and a node in several points, but each component is prescribed once: by
-//!   a displacement, a nonzero traction or a rigid motion. Pressures on one surface add up, as do body forces of one region.
+//!   a displacement, a nonzero traction or a rigid motion. Pressures on one surface add up, as do body forces of one
+//!   region.
 //! * Names of regions are unique. The region `*` covers every region of the mesh that no other `[[region]]` names, so
 //!   that no region has two materials.
 //! * Names of constraints are unique. That of a cavity is not the name of a region.

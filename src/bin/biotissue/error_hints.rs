@@ -182,7 +182,8 @@ fn cure_of_setup<F: std::error::Error + 'static>(
         SetupError::Constraint(error) => hint_of_constraint(error),
         SetupError::Underconstrained(_) => (
             "prescribed displacements that prevent rigid-body motions of every connected part of the body",
-            "prescribe displacements on more surfaces or components; [[point]] prescribes those of single nodes",
+            "prescribe displacements on more surfaces or components ([[point]]: of single nodes); if the loads balance, \
+             `free = \"rigid\"` in [body] adds the supports",
         ),
         SetupError::Geometry(_) => {
             ("elements of positive volume", "improve the mesh, or correct the `scale` of [mesh]")
