@@ -24,6 +24,18 @@ pub(super) fn parse<const N: usize>(
 ) -> Result<ElementValues<N>, InputErrors> {
     let (names, rows) = rows.split_first().map_or((None, rows), |(names, rows)| (Some(names), rows));
     let header = Header::find(file, names, columns)?;
+    if let (None, Some(column)) = (header.element, header.other_numbering(rows)) {
+        let name =
+            names.and_then(|names| names.cells.get(column)).map_or_else(Default::default, String::from_utf8_lossy);
+        let problem = format!("the column \"{}\" numbers the rows in another order than theirs", excerpt(&name));
+        let expected = "rows in the order of the elements, or a column `element` with their numbers, from 0";
+        let cure = "name the column `element` if it numbers the elements from 0, or remove it";
+        return Err(InputError {
+            line: names.map(|row| row.line),
+            ..InputError::in_file(file, problem, expected, cure)
+        }
+        .into());
+    }
     let (mut values, mut lines, mut errors) = (vec![[f64::NAN; N]; total], vec![0; total], Vec::new());
     for (number, Row { line, cells }) in rows.iter().enumerate() {
         match header.row::<N>(cells, (number, total), &lines) {
@@ -77,7 +89,28 @@ impl Header {
         if !errors.is_empty() {
             return Err(InputErrors(errors));
         }
-        Ok(Self { element: place(ELEMENT), columns: found.into_iter().flatten().collect() })
+        let element = names.iter().position(|cell| cell.eq_ignore_ascii_case(ELEMENT.as_bytes()));
+        Ok(Self { element, columns: found.into_iter().flatten().collect() })
+    }
+
+    /// Returns an unused column that numbers all rows, but not in their order: probably the elements under another name.
+    fn other_numbering(&self, rows: &[Row]) -> Option<usize> {
+        /// The whole numbers of fewer rows may be values.
+        const FEWEST: usize = 10;
+        if rows.len() < FEWEST {
+            return None;
+        }
+        let columns = rows.first().map_or(0, |row| row.cells.len());
+        let number = |row: &Row, column: usize| std::str::from_utf8(row.cells.get(column)?).ok()?.parse::<usize>().ok();
+        (0..columns).filter(|column| !self.columns.contains(column)).find(|&column| {
+            let Some(mut numbers) = rows.iter().map(|row| number(row, column)).collect::<Option<Vec<usize>>>() else {
+                return false;
+            };
+            let in_order = numbers.is_sorted();
+            numbers.sort_unstable();
+            let are_consecutive = numbers.windows(2).all(|pair| pair[1] == pair[0] + 1);
+            !in_order && are_consecutive && numbers.first().is_some_and(|first| *first <= 1)
+        })
     }
 
     /// Returns the element of a row and its values, or what is wrong and what is expected.
@@ -152,5 +185,17 @@ mod tests {
             let found = values(text, &["E"]).unwrap_err();
             assert_eq!(found.lines().next().unwrap(), expected, "{text}");
         }
+    }
+
+    #[test]
+    fn elements_in_a_column_of_another_name_are_noticed() {
+        let rows = |name: &str| {
+            let rows: String = (0..12).rev().map(|element| format!("{element},1\n")).collect();
+            format!("{name},E\n{rows}")
+        };
+        let noticed = "f.csv:1: the column \"id\" numbers the rows in another order than theirs";
+        assert_eq!(values(&rows("id"), &["E"]).unwrap_err().lines().next().unwrap(), noticed);
+        // Read as `element`: the mesh of this test has three elements.
+        assert!(values(&rows("Element"), &["E"]).unwrap_err().starts_with("f.csv:2: there is no element 11"));
     }
 }
