@@ -128,6 +128,18 @@ pub fn boundary(case: &Case, mesh: &Mesh, conditions: &Conditions) -> Result<Bou
     Ok(boundary)
 }
 
+/// Returns a warning if the loads do not balance at the end of the first step or of the last one, where nothing but the
+/// supports of `free = "rigid"` holds the body. The run stops there, unless other forces are much greater.
+pub fn imbalance(case: &Case, mesh: &Mesh, boundary: &Boundary) -> Option<String> {
+    let found = |t: f64| boundary.imbalance(mesh, t).map(|imbalance| (t, imbalance));
+    let (t, imbalance) = found(1.0 / case.steps.count as f64).or_else(|| found(1.0))?;
+    Some(format!(
+        "{}: `free = \"rigid\"` in [body]: the loads at t = {t} do not balance, they exert {imbalance} on the undeformed body, and \
+         nothing holds it there: correct the loads, or hold it by a [[boundary]] or [[point]]",
+        case.file.display()
+    ))
+}
+
 /// Adds its line, what was expected and the cure to an error.
 fn located(case: &Case, error: &BoundaryError) -> InputErrors {
     let (line, expected, cure) = match error {

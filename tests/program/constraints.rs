@@ -1,16 +1,11 @@
 //! Runs with constrained volumes: a driven cavity and a region of constant volume.
 
-use std::path::Path;
-
-use biotissue::app::results::Loads;
-use biotissue::app::results::log::{self, Event};
 use biotissue::fem::element::ElementType;
 use biotissue::fem::mesh::gmsh;
 
 use crate::hollow_box::hollow_box;
-use crate::line;
-
-const CONSTANTS: &str = "model = \"neo-hookean\", shear_modulus = 1000.0, poisson_ratio = 0.3";
+use crate::variants::{CONSTANTS, loads, logged_steps, run_every_way};
+use crate::{frozen, line};
 
 /// A box with a cavity, whose side x1 is pulled.
 fn case(material: &str, method: &str, newton: &str) -> String {
@@ -52,40 +47,28 @@ fn with_mesh() -> tempfile::TempDir {
     folder
 }
 
-fn steps(folder: &Path, run: &str) -> Vec<log::Step> {
-    let events = log::read(&folder.join(run).join("log.jsonl")).unwrap().into_iter();
-    events.filter_map(|event| if let Event::Step(step) = event { Some(step) } else { None }).collect()
-}
-
 #[test]
 fn constrained_volumes_do_not_depend_on_ranks_rves_or_interruptions() {
     let folder = with_mesh();
     let folder = folder.path();
     let mut tables = Vec::new();
     for (method, newton) in [("", ""), ("method = \"penalty\"", ""), ("method = \"penalty\"", "max_iterations = 2")] {
-        let rve = format!("{{ model = \"fiber-rve\", networks = [], matrix = {{ {CONSTANTS} }} }}");
-        std::fs::write(folder.join("formula.toml"), formula(method, newton)).unwrap();
-        std::fs::write(folder.join("rve.toml"), case(&rve, method, newton)).unwrap();
-        line(folder, "run formula.toml --out formula").done();
-        line(folder, "run formula/case.toml --out written").done();
-        line(folder, "run rve.toml --out rve --ranks 3").done();
-        line(folder, "run rve.toml --out parts").done();
-        std::fs::remove_file(folder.join("parts/checkpoint/step-00003.bin")).unwrap();
-        line(folder, "run rve.toml --out parts --resume").done();
-        let read = |run: &str| std::fs::read_to_string(folder.join(run).join("loads.csv")).unwrap();
-        for other in ["written", "rve", "parts"] {
-            assert_eq!(read(other), read("formula"), "{other}, {method} {newton}");
-        }
+        run_every_way(folder, 3, |material| case(material, method, newton));
         line(folder, "report formula").done();
 
-        let logged = steps(folder, "formula");
+        let logged = logged_steps(folder, "formula");
         assert!(logged.iter().all(|step| step.balance.relative < 1e-6), "{logged:?}");
         // The target has a break point inside the second step.
         assert!(logged[1].increments >= 2, "{:?}", logged[1]);
         assert_eq!(logged.iter().any(|step| step.augmentations > 0), !method.is_empty());
         let cuts: u32 = logged.iter().map(|step| step.cuts).sum();
         assert_eq!(cuts > 0, !newton.is_empty(), "{cuts} cuts");
-        tables.push(Loads::read(&folder.join("formula/loads.csv")).unwrap());
+        let summary = line(folder, "run formula.toml --out formula");
+        assert_eq!(
+            summary.done().contains(" in a failed increment") || summary.done().contains(" failed increments, "),
+            cuts > 0
+        );
+        tables.push(loads(folder, "formula"));
     }
     let [multiplier, penalty, cut] = &tables[..] else { panic!("three runs") };
     assert_eq!(multiplier.names.regions, ["body", "lumen"]);
@@ -98,6 +81,42 @@ fn constrained_volumes_do_not_depend_on_ranks_rves_or_interruptions() {
             for (p, q) in row.pressures.iter().zip(&row_of_other.pressures) {
                 assert!((p - q).abs() < 1e-4 * p.abs(), "{row:?} {row_of_other:?}");
             }
+        }
+    }
+}
+
+/// The pressures of penalty constraints are augmented before RVEs are created and deleted, and again afterwards: the
+/// decisions and the pressures are those of the multipliers, on any number of ranks and after a resumed run.
+#[test]
+fn rves_are_created_and_deleted_at_constrained_volumes() {
+    let folder = with_mesh();
+    let folder = folder.path();
+    let material = format!(
+        "{{ model = \"fiber-rve\", networks = [{:?}], fiber_volume_fraction = 0.003, law = {{ name = \"exponential\", \
+         youngs_modulus = 1.0e6, radius = 5.0e-8, nonlinearity = 1.2 }}, matrix = {{ {CONSTANTS} }}, \
+         life = {{ created_at = 0.05, deleted_at = 0.5 }} }}",
+        frozen()
+    );
+    let mut found = Vec::new();
+    for method in ["", "method = \"penalty\""] {
+        std::fs::write(folder.join("case.toml"), case(&material, method, "")).unwrap();
+        line(folder, "run case.toml --out whole").done();
+        line(folder, "run case.toml --out ranks --ranks 3").done();
+        std::fs::remove_file(folder.join("ranks/checkpoint/step-00003.bin")).unwrap();
+        line(folder, "run case.toml --out ranks --resume").done();
+        let read = |run: &str| std::fs::read_to_string(folder.join(run).join("loads.csv")).unwrap();
+        assert_eq!(read("ranks"), read("whole"), "{method}");
+        let steps = logged_steps(folder, "whole");
+        let deleted: Vec<u64> = steps.iter().map(|step| step.rve.unwrap().deleted).collect();
+        assert!(steps.iter().any(|step| step.rounds > 0) && deleted[2] > 0, "{deleted:?}");
+        assert_eq!(steps.iter().any(|step| step.augmentations > 0), !method.is_empty());
+        found.push((deleted, loads(folder, "whole")));
+    }
+    let [(by_multiplier, multiplier), (by_penalty, penalty)] = &found[..] else { panic!("two runs") };
+    assert_eq!(by_multiplier, by_penalty);
+    for (row, other) in multiplier.rows.iter().zip(&penalty.rows) {
+        for (p, q) in row.pressures.iter().zip(&other.pressures) {
+            assert!((p - q).abs() < 1e-4 * p.abs(), "{row:?} {other:?}");
         }
     }
 }
@@ -154,5 +173,10 @@ fn constraints_that_contradict_each_other_end_the_run_with_a_hint() {
     std::fs::write(folder.join("case.toml"), twice).unwrap();
     let failed = line(folder, "run case.toml");
     let text = failed.failed(3);
-    assert!(text.contains("is singular") && text.contains("remove one of two [[constraint]]s"), "{text}");
+    assert!(
+        text.contains("is singular")
+            && text.contains("; that constraint is `body`")
+            && text.contains("remove one of two [[constraint]]s"),
+        "{text}"
+    );
 }

@@ -1,13 +1,7 @@
 //! Runs with every kind of load: pressure, elastic foundation, forces on nodes; adaptive increments.
 
-use std::path::Path;
-
-use biotissue::app::results::Loads;
-use biotissue::app::results::log::{self, Event};
-
 use crate::line;
-
-const CONSTANTS: &str = "model = \"neo-hookean\", shear_modulus = 1000.0, poisson_ratio = 0.3";
+use crate::variants::{CONSTANTS, loads, logged_steps, run_every_way};
 
 /// A box on springs, loaded by a pressure that rises and falls and by a force on a corner.
 fn case(material: &str, steps: &str) -> String {
@@ -38,30 +32,13 @@ fn case(material: &str, steps: &str) -> String {
     )
 }
 
-fn table(folder: &Path, run: &str) -> Loads {
-    Loads::read(&folder.join(run).join("loads.csv")).unwrap_or_else(|error| panic!("{error}"))
-}
-
 #[test]
 fn loads_that_follow_the_body_do_not_depend_on_ranks_rves_or_interruptions() {
     for steps in ["", "adaptive = { target_iterations = 3, largest = 0.5 }"] {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
-        let rve = format!("{{ model = \"fiber-rve\", networks = [], matrix = {{ {CONSTANTS} }} }}");
-        std::fs::write(folder.join("formula.toml"), case(&format!("{{ {CONSTANTS} }}"), steps)).unwrap();
-        std::fs::write(folder.join("rve.toml"), case(&rve, steps)).unwrap();
-        line(folder, "run formula.toml --out formula").done();
-        line(folder, "run formula/case.toml --out written").done();
-        line(folder, "run rve.toml --out rve --ranks 3").done();
-        line(folder, "run rve.toml --out parts").done();
-        std::fs::remove_file(folder.join("parts/checkpoint/step-00004.bin")).unwrap();
-        line(folder, "run rve.toml --out parts --resume").done();
-        let read = |run: &str| std::fs::read_to_string(folder.join(run).join("loads.csv")).unwrap();
-        for other in ["written", "rve", "parts"] {
-            assert_eq!(read(other), read("formula"), "{other}, {steps}");
-        }
-
-        let found = table(folder, "formula");
+        run_every_way(folder, 4, |material| case(material, steps));
+        let found = loads(folder, "formula");
         let last = found.rows.last().unwrap();
         let column = |name: &str| found.names.surfaces.iter().position(|surface| surface == name).unwrap();
         let force = |name: &str| last.surfaces[column(name)].force;
@@ -74,11 +51,7 @@ fn loads_that_follow_the_body_do_not_depend_on_ranks_rves_or_interruptions() {
         for (spring, load) in force("x0").iter().zip(held) {
             assert!((spring + load).abs() < 1e-6, "{spring} {load}");
         }
-        let steps: Vec<log::Step> = log::read(&folder.join("formula/log.jsonl"))
-            .unwrap()
-            .into_iter()
-            .filter_map(|event| if let Event::Step(step) = event { Some(step) } else { None })
-            .collect();
+        let steps = logged_steps(folder, "formula");
         assert!(steps.iter().all(|step| step.balance.relative < 1e-7));
         // The pressure peaks inside the second step.
         assert!(steps[1].increments >= 2, "{:?}", steps[1]);
@@ -130,21 +103,9 @@ fn a_twisted_bar_does_not_depend_on_ranks_rves_or_interruptions() {
         let mesh = format!(
             "generate = {{ shape = \"box\", cells = [3, 1, 1], size = [1.0, 0.5, 0.5], element = \"{element}\" }}"
         );
-        let rve = format!("{{ model = \"fiber-rve\", networks = [], matrix = {{ {CONSTANTS} }} }}");
-        std::fs::write(folder.join("formula.toml"), twisted(&format!("{{ {CONSTANTS} }}"), &mesh)).unwrap();
-        std::fs::write(folder.join("rve.toml"), twisted(&rve, &mesh)).unwrap();
-        line(folder, "run formula.toml --out formula").done();
-        line(folder, "run formula/case.toml --out written").done();
-        line(folder, "run rve.toml --out rve --ranks 3").done();
-        line(folder, "run rve.toml --out parts").done();
-        std::fs::remove_file(folder.join("parts/checkpoint/step-00004.bin")).unwrap();
-        line(folder, "run rve.toml --out parts --resume").done();
+        run_every_way(folder, 4, |material| twisted(material, &mesh));
         line(folder, "report parts").done();
-        let read = |run: &str| std::fs::read_to_string(folder.join(run).join("loads.csv")).unwrap();
-        for other in ["written", "rve", "parts"] {
-            assert_eq!(read(other), read("formula"), "{other} {element}");
-        }
-        let found = table(folder, "formula");
+        let found = loads(folder, "formula");
         assert_eq!(found.names.rigid, ["x1"]);
         let last = &found.rows[3];
         let grip = last.rigid[0];
@@ -182,13 +143,21 @@ fn a_body_without_supports_is_held_against_rigid_motions_if_its_loads_balance() 
     let checked = line(folder, "check case.toml");
     let checked = checked.done();
     assert_eq!(checked.matches("\nsupport    ").count(), 6, "{}", checked);
+    assert!(checked.contains("\ncondition  surface \"x1\" (2 faces, 2.5000e-1 m^2): traction x\n"), "{checked}");
+    assert!(checked.contains("\nfree       surfaces y0, y1, z0, z1\n"), "{checked}");
     line(folder, "run case.toml --out out").done();
-    let row = &table(folder, "out").rows[1];
+    let row = &loads(folder, "out").rows[1];
     assert!((row.surfaces[1].force[0] - 25.0).abs() < 1e-12, "{row:?}");
     // More on one side than on the other.
     std::fs::write(folder.join("case.toml"), text.replace("[100.0,", "[100.01,")).unwrap();
     let failed = line(folder, "run case.toml --out other");
     assert!(failed.failed(3).contains("do not balance on the deformed body"), "{}", failed.stderr);
+    let warned = line(folder, "check case.toml");
+    warned.done();
+    let expected = "case.toml: `free = \"rigid\"` in [body]: the loads at t = 0.5 do not balance, they exert a force of 1.250e-3 N \
+                    along x on the undeformed body, and nothing holds it there: correct the loads, or hold it by a [[boundary]] or \
+                    [[point]]\n";
+    assert!(warned.stderr.contains(expected), "{}", warned.stderr);
 }
 
 /// Conditions that contradict the mesh or each other, with the exact errors.

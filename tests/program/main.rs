@@ -19,6 +19,7 @@ mod rve;
 mod skip;
 mod states;
 mod streams;
+mod variants;
 
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};

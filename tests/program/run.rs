@@ -82,8 +82,11 @@ fn a_case_runs_to_its_results() {
     let folder = tempfile::tempdir().unwrap();
     let done = run(folder.path(), &fibers(&frozen()), "--json --ranks 1 --threads 2");
     let summary = done.object();
-    assert_eq!(keys(&summary), ["converged", "directory", "iterations", "seconds", "steps"]);
-    assert_eq!((&summary["converged"], &summary["steps"]), (&true.into(), &2.into()));
+    assert_eq!(
+        keys(&summary),
+        ["converged", "cuts", "directory", "iterations", "seconds", "steps", "wasted_iterations"]
+    );
+    assert_eq!((&summary["converged"], &summary["steps"], &summary["cuts"]), (&true.into(), &2.into(), &0.into()));
     let progress: Vec<&str> = done.stderr.lines().collect();
     assert!(progress[0].starts_with("6 elements, ") && progress[0].ends_with("6 RVEs of 1 network, 2 threads"));
     assert!(progress[1].starts_with("step 1/2 t = 0.5000: ") && progress[2].starts_with("step 2/2 t = 1.0000: "));

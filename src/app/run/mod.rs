@@ -231,11 +231,11 @@ impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
                 Some(error.to_string())
             }
             // If results cannot be written, the end of the log cannot either.
-            Err(RunError::Results(_)) => return outcome.map(|iterations| RunSummary { steps, iterations, seconds }),
+            Err(RunError::Results(_)) => return outcome,
         };
         let end = Event::End(End { converged: reason.is_none(), reason, steps, seconds });
         recorder.write(|recorder| recorder.log(&end))?;
-        outcome.map(|iterations| RunSummary { steps, iterations, seconds })
+        outcome.map(|summary| RunSummary { seconds, ..summary })
     }
 
     fn start_event(&self, completed_steps: usize) -> Start {
@@ -255,14 +255,22 @@ impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
         }
     }
 
-    /// Takes the remaining steps, with a checkpoint after each; returns the number of Newton iterations.
-    fn take_steps(&mut self, dir: &Path, recorder: &mut AgreedRecorder<'_, '_>) -> Result<usize, RunError<B::Error>> {
+    /// Takes the remaining steps, with a checkpoint after each; returns a summary without the wall time.
+    fn take_steps(
+        &mut self,
+        dir: &Path,
+        recorder: &mut AgreedRecorder<'_, '_>,
+    ) -> Result<RunSummary, RunError<B::Error>> {
         let identity = self.identity();
         let count = self.stepper.count();
-        let mut iterations = 0;
+        let mut summary = RunSummary { steps: count, ..RunSummary::default() };
         while self.stepper.completed_steps() < count {
             match self.stepper.step(recorder) {
-                Ok(report) => iterations += report.iterations(),
+                Ok(report) => {
+                    summary.iterations += report.iterations();
+                    summary.cuts += report.cuts;
+                    summary.wasted_iterations += report.wasted_iterations();
+                }
                 Err(SteppingError::Stopped { reason, .. }) => return Err(reason.into()),
                 Err(SteppingError::NotConverged { step, reached, halvings, reason, .. }) => {
                     let (reason, failed_rve) = (Box::new(reason), recorder.failed_rve());
@@ -277,7 +285,7 @@ impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
                 })?;
             }
         }
-        Ok(iterations)
+        Ok(summary)
     }
 }
 

@@ -63,12 +63,16 @@ pub struct Resumed {
 }
 
 /// The result of a run that took all load steps.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RunSummary {
     /// Load steps of the case.
     pub steps: usize,
-    /// Newton iterations of the macro scale in total.
+    /// Newton iterations of the macro scale in converged increments.
     pub iterations: usize,
+    /// Number of increments that failed and were repeated in shorter ones.
+    pub cuts: usize,
+    /// Newton iterations of the macro scale in failed increments.
+    pub wasted_iterations: usize,
     /// Wall time, s.
     pub seconds: f64,
 }

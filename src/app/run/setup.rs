@@ -87,6 +87,7 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
         warnings.extend(plausibility::warnings(&case, &mesh, field.library()));
         warnings.extend(network_warnings);
         warnings.extend(without_networks(&case));
+        warnings.extend(macro_scale::imbalance(&case, &mesh, &boundary));
         let networks = rve_files::points(&case, &field)?;
         let free_mode_supports = boundary.free_mode_supports().collect();
         Ok(Self { context, case, mesh, conditions, field, networks, unknowns, free_mode_supports, ranges, warnings })

@@ -11,6 +11,7 @@ use biotissue::fem::constraint::{ConstrainedVolume, ConstraintMethod, VolumeCons
 use clap::Args;
 use serde::Serialize;
 
+use crate::conditions::{ConditionPlan, conditions};
 use crate::dispatch::{Job, ProgramBackend, dispatch};
 use crate::failure::Failure;
 use crate::output;
@@ -59,6 +60,9 @@ struct Plan {
     fields: Vec<FieldRange>,
     surfaces: Vec<String>,
     regions: Vec<String>,
+    conditions: Vec<ConditionPlan>,
+    /// The surfaces without a condition.
+    free_surfaces: Vec<String>,
     /// The supports against free rigid-body modes.
     supports: Vec<SupportPlan>,
     constraints: Vec<String>,
@@ -84,6 +88,7 @@ impl Job for CheckJob {
         let setup = setup::<B>(context, self.case)?;
         let ProblemSize { elements, nodes, unknowns, rves, networks, rve_bytes, body_bytes, steps, threads, .. } =
             setup.problem_size();
+        let (conditions, free_surfaces) = conditions(setup.case(), setup.mesh());
         Ok(Plan {
             title: setup.case().title.clone(),
             backend: B::NAME,
@@ -99,6 +104,8 @@ impl Job for CheckJob {
             fields: setup.field_ranges().to_vec(),
             surfaces: setup.mesh().surface_names().map(str::to_owned).collect(),
             regions: setup.mesh().regions().to_vec(),
+            conditions,
+            free_surfaces,
             supports: setup
                 .free_mode_supports()
                 .map(|(node, component)| SupportPlan {
@@ -139,12 +146,15 @@ impl Plan {
             format!("mesh       {} elements, {} nodes", self.elements, self.nodes),
             format!("elements   {}; {} integration points", types.join(", "), self.integration_points),
             format!("regions    {}", self.regions.join(", ")),
-            format!("surfaces   {}", self.surfaces.join(", ")),
             format!("unknowns   {} free, backend {}", self.unknowns, self.backend),
             format!("RVEs       {}", self.rves),
         ];
         for network in &self.networks {
             lines.push(format!("  {:<24} {:>6} unknowns, {:>6} RVEs", network.name, network.unknowns, network.rves));
+        }
+        lines.extend(self.conditions.iter().map(ConditionPlan::text));
+        if !self.free_surfaces.is_empty() {
+            lines.push(format!("free       surfaces {}", self.free_surfaces.join(", ")));
         }
         for SupportPlan { node, position: [x, y, z], component } in &self.supports {
             let place = format!("node {node} at ({x:.4e}, {y:.4e}, {z:.4e}) m");

@@ -17,6 +17,7 @@
 )]
 
 mod check;
+mod conditions;
 mod dispatch;
 mod error_hints;
 mod failure;

@@ -7,6 +7,7 @@ use biotissue::app::case::{Case, ScalesCase};
 use biotissue::app::results::LOADS_FILE;
 use biotissue::app::run::{RunError, RunSummary, Setup, Simulation, WriterGroup};
 use biotissue::coupling::{Config, Plan};
+use biotissue::las::{NewtonError, SolveError};
 
 use biotissue::tissue::micro_scale::TissueMaterial;
 use clap::Args;
@@ -154,12 +155,17 @@ impl Configuration {
 }
 
 fn print_summary(summary: &Summary, dir: &Path, json: bool) -> Result<(), Failure> {
-    let Summary { steps, iterations, seconds, .. } = summary;
+    let Summary { steps, iterations, cuts, wasted_iterations, seconds, .. } = summary;
     if json {
         return output::print_json(summary);
     }
+    let failed = match cuts {
+        0 => String::new(),
+        1 => format!(", and {wasted_iterations} in a failed increment"),
+        _ => format!(", and {wasted_iterations} in {cuts} failed increments"),
+    };
     output::print(&format!(
-        "{steps} load steps, {iterations} Newton iterations, {seconds:.1} s; results in {}",
+        "{steps} load steps, {iterations} Newton iterations{failed}, {seconds:.1} s; results in {}",
         dir.display()
     ))
 }
@@ -264,6 +270,9 @@ pub struct Summary {
     converged: bool,
     steps: usize,
     iterations: usize,
+    /// Number of increments that failed and were repeated in shorter ones.
+    cuts: usize,
+    wasted_iterations: usize,
     seconds: f64,
     directory: PathBuf,
 }
@@ -309,11 +318,22 @@ pub fn take_steps<B: ProgramBackend, M: TissueMaterial>(
         reporter.finish();
     }
     match outcome {
-        Ok(RunSummary { steps, iterations, seconds }) => {
-            Ok(Summary { converged: true, steps, iterations, seconds, directory: dir.to_owned() })
+        Ok(RunSummary { steps, iterations, cuts, wasted_iterations, seconds }) => {
+            let directory = dir.to_owned();
+            Ok(Summary { converged: true, steps, iterations, cuts, wasted_iterations, seconds, directory })
         }
         Err(RunError::NotConverged { step, count, reached, halvings, reason, failed_rve }) => {
-            let what = format!("load step {step} of {count} does not converge, halved {halvings} times: {reason}");
+            let named = match &*reason {
+                NewtonError::Solve(SolveError::SingularBorder { constraint, .. }) => {
+                    let constraint = simulation.case().constraints.get(*constraint);
+                    constraint.map_or_else(String::new, |constraint| {
+                        format!("; that constraint is `{}`", constraint.constraint.name)
+                    })
+                }
+                _ => String::new(),
+            };
+            let what =
+                format!("load step {step} of {count} does not converge, halved {halvings} times: {reason}{named}");
             let place = format!("t = {reached}; {}{}", on_disk(step - 1, dir), replay_hint(failed_rve.as_deref()));
             let cure = cure_of_step(&reason, &micro);
             Err(Failure::not_converged(what, place, "equilibrium with det F > 0 everywhere", cure))

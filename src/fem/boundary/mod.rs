@@ -47,7 +47,7 @@ use nalgebra::Vector3;
 
 use super::kinematics::{Kinematics, RigidMotion};
 use super::mesh::{Mesh, Surface};
-use super::rigid_modes::{self, Restraint};
+use super::rigid_modes::{self, Imbalance, Restraint};
 use crate::las::Symmetry;
 use prescribed::PrescribedCollector;
 use resolve::{check_coupled_nodes, rigid_surfaces, symmetry_planes};
@@ -215,9 +215,28 @@ impl Boundary {
     /// # Panics
     /// Panics if the mesh is not that of the conditions.
     pub fn restraints(&self, mesh: &Mesh) -> Vec<Restraint> {
+        self.restraints_by(mesh, |_| true)
+    }
+
+    /// Returns the first free rigid-body mode in which the loads at pseudo-time `t` do work on the undeformed body, if
+    /// [`Conditions::hold_free_modes`] was set; the supports that it adds would have to balance them.
+    ///
+    /// # Panics
+    /// Panics if the mesh is not that of the conditions.
+    pub fn imbalance(&self, mesh: &Mesh, t: f64) -> Option<Imbalance> {
+        self.free_mode_supports().next()?;
+        let zeros = vec![[0.0; 3]; mesh.nodes().len()];
+        let mut forces = zeros.clone();
+        self.loads.iter().for_each(|load| load.add_forces(t, &zeros, &mut forces));
+        let restraints = self.restraints_by(mesh, |component| component.source != Source::FreeMode);
+        rigid_modes::imbalance(mesh, &restraints, self.kinematics.rigid_surfaces(), &forces)
+    }
+
+    /// Returns the restraints, of prescribed components only those that are chosen.
+    fn restraints_by(&self, mesh: &Mesh, is_chosen: impl Fn(&PrescribedComponent) -> bool) -> Vec<Restraint> {
         let at = |node: u32| mesh.nodes()[node as usize];
         let along = |node: u32, direction: [f64; 3]| Restraint::Displacement { node, point: at(node), direction };
-        let components = self.prescribed_components.iter();
+        let components = self.prescribed_components.iter().filter(|component| is_chosen(component));
         let mut all: Vec<Restraint> = components
             .map(|prescribed| {
                 Restraint::component(prescribed.node, at(prescribed.node), usize::from(prescribed.component))

@@ -175,14 +175,14 @@ impl Screw {
 }
 
 /// Formats a direction as `x`, `y`, `z` or a vector.
-fn direction(axis: &[f64; 3]) -> String {
+pub(super) fn direction(axis: &[f64; 3]) -> String {
     match axis.iter().position(|&x| x.abs() > 1.0 - ZERO) {
         Some(k) => ["x", "y", "z"][k].into(),
         None => vector(axis),
     }
 }
 
-fn vector([x, y, z]: &[f64; 3]) -> String {
+pub(super) fn vector([x, y, z]: &[f64; 3]) -> String {
     format!("({}, {}, {})", number(*x), number(*y), number(*z))
 }
 

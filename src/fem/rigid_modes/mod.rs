@@ -18,12 +18,14 @@
 //! ```
 
 mod free_modes;
+mod imbalance;
 mod parts;
 
 use nalgebra::{DMatrix, Matrix6, Vector3, Vector6};
 use thiserror::Error;
 
 pub use free_modes::{FreeModes, Screw};
+pub use imbalance::{Imbalance, imbalance};
 
 use super::kinematics::RigidSurface;
 use super::mesh::Mesh;

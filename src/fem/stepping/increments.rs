@@ -18,7 +18,8 @@ pub enum IncrementControl {
 /// at `k / count`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AdaptiveIncrements {
-    /// The number of Newton iterations per increment at which the length stays as it is; at least 1. Default 8.
+    /// The number of Newton iterations to the first equilibrium of an increment at which the length stays as it is; at
+    /// least 1. Default 8.
     pub target_iterations: usize,
     /// The longest increment and the first one, in steps, above 0 and at most 1. Default 1.
     pub largest: f64,
@@ -119,7 +120,7 @@ impl Increments {
     }
 
     /// Chooses the next length after an increment of `taken` steps that ended at `position` and took this number of
-    /// Newton iterations.
+    /// Newton iterations to its first equilibrium.
     pub fn succeeded(&mut self, position: f64, taken: f64, iterations: usize) {
         match self.control {
             IncrementControl::Halving => {

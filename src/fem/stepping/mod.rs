@@ -242,7 +242,9 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
                 let taken = (end - position) * (segment.end - segment.start);
                 let solves = report.solves.len();
                 if self.increment(span, taken, &mut report, observer)? {
-                    let iterations = report.solves[solves..].iter().map(|report| report.iterations).sum();
+                    // Only the first solve depends on the length of the increment: the others restore equilibrium at
+                    // its end after augmentations and changes of the material.
+                    let iterations = report.solves.get(solves).map_or(0, |first| first.iterations);
                     position = end;
                     self.increments.succeeded(position, taken, iterations);
                 }

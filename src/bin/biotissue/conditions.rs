@@ -1,0 +1,100 @@
+//! The boundary conditions of a case on its mesh, in the plan of `biotissue check`.
+
+use biotissue::app::case::{Case, LoadValue, PointCase, PointPlace, SurfaceLoad};
+use biotissue::fem::constraint::ConstrainedVolume;
+use biotissue::fem::mesh::Mesh;
+use serde::Serialize;
+
+/// A boundary condition or a load, and where it acts.
+#[derive(Serialize)]
+pub struct ConditionPlan {
+    /// What it prescribes, such as `displacement x, y`.
+    condition: String,
+    /// A surface, a node or a region.
+    place: String,
+    /// Number of faces, of a surface.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    faces: Option<usize>,
+    /// Area of a surface, m^2.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    area: Option<f64>,
+}
+
+impl ConditionPlan {
+    /// Returns the line of the plan.
+    pub fn text(&self) -> String {
+        let Self { condition, place, faces, area } = self;
+        let size = match (faces, area) {
+            (Some(faces), Some(area)) => format!(" ({faces} faces, {area:.4e} m^2)"),
+            _ => String::new(),
+        };
+        format!("condition  {place}{size}: {condition}")
+    }
+}
+
+/// Returns the conditions of a case, and the surfaces without one.
+pub fn conditions(case: &Case, mesh: &Mesh) -> (Vec<ConditionPlan>, Vec<String>) {
+    let on_surfaces = case.boundaries.iter().filter_map(|boundary| {
+        let surface = mesh.surfaces().iter().find(|surface| surface.name == boundary.surface)?;
+        Some(ConditionPlan {
+            condition: of_surface(&boundary.load),
+            place: format!("surface \"{}\"", boundary.surface),
+            faces: Some(surface.faces.len()),
+            area: Some(mesh.surface_area(surface)),
+        })
+    });
+    let elsewhere = |condition: String, place: String| ConditionPlan { condition, place, faces: None, area: None };
+    let on_points = case.points.iter().map(|point| elsewhere(of_point(point), node(case, mesh, point)));
+    let on_regions = case.body_forces.iter().map(|force| {
+        let components = force.value.each_ref().map(|value| !value.is_zero());
+        elsewhere(format!("body force {}", listed(components)), format!("region \"{}\"", force.region))
+    });
+    let walls = case.constraints.iter().filter_map(|each| match &each.constraint.of {
+        ConstrainedVolume::Cavity(surfaces) => Some(surfaces),
+        ConstrainedVolume::Region(_) => None,
+    });
+    let named: Vec<&String> = case.boundaries.iter().map(|each| &each.surface).chain(walls.flatten()).collect();
+    let free =
+        mesh.surface_names().filter(|name| !named.iter().any(|other| other == name)).map(str::to_owned).collect();
+    (on_surfaces.chain(on_points).chain(on_regions).collect(), free)
+}
+
+fn of_surface(load: &SurfaceLoad) -> String {
+    let of = |components: &[Option<LoadValue>; 3]| listed(components.each_ref().map(Option::is_some));
+    match load {
+        SurfaceLoad::Displacement(components) => format!("displacement {}", of(components)),
+        SurfaceLoad::Traction(values) => {
+            format!("traction {}", listed(values.each_ref().map(|value| !value.is_zero())))
+        }
+        SurfaceLoad::Pressure(_) => "pressure, which follows the surface".into(),
+        SurfaceLoad::Foundation(_) => "elastic foundation".into(),
+        SurfaceLoad::Symmetry => "plane of symmetry".into(),
+        SurfaceLoad::Rigid(rigid) => {
+            format!("rigid; displacement {}; rotation {}", of(&rigid.displacement), of(&rigid.rotation))
+        }
+    }
+}
+
+fn of_point(point: &PointCase) -> String {
+    let displacement = point.displacement.each_ref().map(Option::is_some);
+    let force = point.force.as_ref().map_or([false; 3], |force| force.each_ref().map(|value| !value.is_zero()));
+    let kinds = [("displacement", displacement), ("force", force)];
+    let given = kinds.into_iter().filter(|(_, components)| components.contains(&true));
+    given.map(|(kind, components)| format!("{kind} {}", listed(components))).collect::<Vec<_>>().join("; ")
+}
+
+fn node(case: &Case, mesh: &Mesh, point: &PointCase) -> String {
+    let node = match point.place {
+        PointPlace::At(position) => mesh.nearest_node(position.map(|x| x * case.mesh_scale)).0,
+        PointPlace::Node(node) => node,
+    };
+    let [x, y, z] = mesh.nodes().get(node).copied().unwrap_or_default();
+    format!("node {node} at ({x:.4e}, {y:.4e}, {z:.4e}) m")
+}
+
+/// Names the components that are true, such as `x, z`.
+fn listed(components: [bool; 3]) -> String {
+    let names: Vec<&str> =
+        ["x", "y", "z"].into_iter().zip(components).filter(|(_, is)| *is).map(|(name, _)| name).collect();
+    if names.is_empty() { "free".into() } else { names.join(", ") }
+}
