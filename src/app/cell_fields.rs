@@ -1,7 +1,8 @@
 //! The fields of the elements in the field files: values of integration points and their averages.
 
-use nalgebra::Matrix3;
+use nalgebra::{Matrix3, Vector3};
 
+use super::formula_fibers::DeformedFamilies;
 use crate::app::results::PointCloud;
 use crate::fem::equilibrium::BodyState;
 use crate::fem::mesh::{Mesh, PointNumbering};
@@ -27,10 +28,12 @@ pub(super) struct CellFields {
 }
 
 impl CellFields {
-    /// Collects the fields of all integration points.
+    /// Collects the fields of all integration points. `families` returns the fibers of a formula, for points without a
+    /// network.
     pub fn new(
         state: &BodyState,
         stress: impl Fn(usize, &Matrix3<f64>, &Matrix3<f64>) -> Matrix3<f64>,
+        families: impl Fn(usize, &Matrix3<f64>) -> Option<DeformedFamilies>,
         summaries: &[Option<PointSummary>],
         status: impl Fn(usize) -> Option<RveStatus>,
     ) -> Self {
@@ -41,13 +44,14 @@ impl CellFields {
             cells.von_mises.push(von_mises(&cauchy));
             cells.cauchy.push(row_major(&cauchy));
             cells.gradient.push(row_major(f));
-            // Points without fibers have 0 in the fiber fields, and -1 in `iterations` and `network`.
+            // Points without fibers have 0 in the fiber fields; those without a network have -1 in `iterations` and
+            // `network`.
             let s = summary.as_ref();
-            cells.orientation.push(s.map_or([0.0; 9], |s| row_major(&s.orientation.into())));
-            cells.direction.push(s.map_or([0.0; 3], |s| s.direction));
-            cells.alignment.push(s.map_or(0.0, |s| s.alignment));
-            cells.stretch_min.push(s.map_or(0.0, |s| s.stretch[0]));
-            cells.stretch_max.push(s.map_or(0.0, |s| s.stretch[1]));
+            cells.push_fibers(match (s, families(point, f)) {
+                (Some(s), _) => (s.orientation.into(), s.direction.into(), s.alignment, s.stretch),
+                (None, Some(s)) => (s.orientation, s.direction, s.alignment, s.stretch),
+                (None, None) => Default::default(),
+            });
             cells.iterations.push(s.map_or(-1, |s| s.iterations as i64));
             cells.status.push(status(point).map_or(-1, |status| match status {
                 RveStatus::Awake => 0,
@@ -58,6 +62,17 @@ impl CellFields {
             cells.network.push(s.map_or(-1, |s| s.network as i64));
         }
         cells
+    }
+
+    fn push_fibers(
+        &mut self,
+        (orientation, direction, alignment, [min, max]): (Matrix3<f64>, Vector3<f64>, f64, [f64; 2]),
+    ) {
+        self.orientation.push(row_major(&orientation));
+        self.direction.push(direction.into());
+        self.alignment.push(alignment);
+        self.stretch_min.push(min);
+        self.stretch_max.push(max);
     }
 
     /// Returns the values at the integration points as a cloud of points at their reference positions.
@@ -121,13 +136,16 @@ impl CellFields {
             cells.cauchy.push(average(weights, self.cauchy[of.clone()].iter().copied()));
             cells.gradient.push(average(weights, self.gradient[of.clone()].iter().copied()));
             let orientation = average(weights, self.orientation[of.clone()].iter().copied());
-            let has_fibers = self.network[of.start] >= 0;
-            let (direction, largest) = principal(&Matrix3::from_row_slice(&orientation));
-            cells.orientation.push(orientation);
-            cells.direction.push(if has_fibers { direction.into() } else { [0.0; 3] });
-            cells.alignment.push(if has_fibers { largest - 1.0 / 3.0 } else { 0.0 });
-            cells.stretch_min.push(self.stretch_min[of.clone()].iter().copied().fold(f64::INFINITY, f64::min));
-            cells.stretch_max.push(self.stretch_max[of.clone()].iter().copied().fold(f64::NEG_INFINITY, f64::max));
+            let orientation = Matrix3::from_row_slice(&orientation);
+            let stretch_min = self.stretch_min[of.clone()].iter().copied().fold(f64::INFINITY, f64::min);
+            let stretch_max = self.stretch_max[of.clone()].iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            // The trace is 1 with fibers.
+            cells.push_fibers(if orientation.trace() > 0.0 {
+                let (direction, largest) = principal(&orientation);
+                (orientation, direction, largest - 1.0 / 3.0, [stretch_min, stretch_max])
+            } else {
+                Default::default()
+            });
             let highest = |values: &[i64]| values[of.clone()].iter().copied().max().unwrap_or(-1);
             cells.iterations.push(highest(&self.iterations));
             cells.status.push(highest(&self.status));

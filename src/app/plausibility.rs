@@ -22,6 +22,8 @@ const SMALLEST_STRAIN: f64 = 1e-9;
 const LARGEST_RATIO: f64 = 1e6;
 /// Poisson ratio above which linear elements lock.
 const LARGEST_POISSON_RATIO: f64 = 0.45;
+/// Distance of a reference point from the body, in longest edges of the body, above which its unit is probably wrong.
+const LARGEST_DISTANCE: f64 = 10.0;
 /// Range of the longest edge of the body, m, outside of which its unit is probably wrong.
 const SENSIBLE_EDGES: std::ops::RangeInclusive<f64> = 1e-5..=5.0;
 
@@ -119,6 +121,7 @@ fn check_magnitudes(case: &Case, mesh: &Mesh, stiffnesses: &[Stiffness]) -> Vec<
         let cure = "`scale` of [mesh] is the length of a mesh unit in m: 0.001 for a mesh in mm";
         warnings.push(at(case, case.mesh_line, &format!("the longest edge of the body is {} m: {cure}", short(edge))));
     }
+    warnings.extend(check_references(case, mesh, edge));
     warnings.extend(check_stiffnesses(case, stiffnesses));
     let softest = stiffnesses.iter().min_by(|a, b| a.total().total_cmp(&b.total()));
     let loads = loads(case, mesh, edge, softest);
@@ -135,6 +138,29 @@ fn check_magnitudes(case: &Case, mesh: &Mesh, stiffnesses: &[Stiffness]) -> Vec<
         ));
     }
     warnings
+}
+
+/// Finds reference points of rigid surfaces far from the body.
+fn check_references<'a>(case: &'a Case, mesh: &'a Mesh, edge: f64) -> impl Iterator<Item = String> + 'a {
+    let [low, high] = mesh.bounding_box();
+    case.boundaries.iter().filter_map(move |boundary| {
+        let SurfaceLoad::Rigid(RigidCase { reference: Some(reference), .. }) = &boundary.load else { return None };
+        let outside = |axis: usize| {
+            let x = reference[axis] * case.mesh_scale;
+            (low[axis] - x).max(x - high[axis]).max(0.0)
+        };
+        let distance = (0..3).map(outside).fold(0.0, f64::hypot);
+        (distance > LARGEST_DISTANCE * edge).then(|| {
+            let message = format!(
+                "the reference point of surface \"{}\" is {} m away from the body, whose longest edge is {} m: is `reference` in \
+                 mesh units?",
+                boundary.surface,
+                short(distance),
+                short(edge)
+            );
+            at(case, boundary.line, &message)
+        })
+    })
 }
 
 /// Compares the materials of different regions, and fibers and matrix in parallel.
@@ -392,6 +418,16 @@ displacement = { x = 0.1 }
         assert_eq!(warnings_of(&rigid, 1.0, None), [""; 0]);
         let far = rigid.replace("rigid = {", "rigid = { reference = [1, 1, 0],");
         assert_eq!(warnings_of(&far, 1.0, None).len(), 2);
+    }
+
+    #[test]
+    fn reference_points_far_from_the_body_are_found() {
+        let at =
+            |z: &str| CASE.replace(PULLED, &format!("rigid = {{ reference = [0, 0, {z}], rotation = {{ z = 0.1 }} }}"));
+        assert_eq!(warnings_of(&at("-9.9"), 1.0, None), [""; 0]);
+        let expected = "9: the reference point of surface \"x1\" is 100 m away from the body, whose longest edge is 1 m: is \
+                        `reference` in mesh units?";
+        assert_eq!(warnings_of(&at("-100"), 1.0, None), [expected]);
     }
 
     #[test]

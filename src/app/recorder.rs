@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use super::case::{Case, SurfaceLoad};
 use super::cell_fields::CellFields;
 use super::checkpoint;
+use super::formula_fibers::FormulaFibers;
 use super::results::collection::{Entry, field_file, index_file, partial, point_file, point_index_file};
 use super::results::log::{
     Balance, Cut, Event, Factorizations, LogWriter, NewtonLog, NewtonSeconds, RankTimes, Ranks, RveLog, Step,
@@ -62,6 +63,7 @@ pub(super) struct Recorder<'a> {
     volumes: Vec<f64>,
     /// Region of every integration point.
     region_of: Vec<u32>,
+    fibers: FormulaFibers,
     stress: CauchyStress,
     /// The field files in the collection.
     written: Vec<FieldFile>,
@@ -132,6 +134,7 @@ impl<'a> Recorder<'a> {
             networks: NetworkFiles::open(dir, rves, mesh.points(), resumed.map(|on| on.progress))?,
             volumes: mesh.point_volumes(),
             region_of: mesh.points().spread(mesh.region_of()),
+            fibers: FormulaFibers::new(case, mesh),
             stress: CauchyStress::new(case, mesh),
             progress,
             started: std::time::Instant::now(),
@@ -188,7 +191,9 @@ impl<'a> Recorder<'a> {
         field: &M,
     ) -> Result<(), ResultsError> {
         let stress = |point: usize, f: &_, pk1: &_| self.stress.of(self.region_of[point], f, pk1);
-        let points = CellFields::new(state, stress, &field.summaries(), |point| field.sites().status(point));
+        let families = |point: usize, f: &_| self.fibers.at(field.library(), (self.region_of[point], point), f);
+        let status = |point| field.sites().status(point);
+        let points = CellFields::new(state, stress, families, &field.summaries(), status);
         self.write_points((step, whole), mesh, state, &points, field)?;
         let cells = points.averaged(mesh.points(), &self.volumes);
         let region: Vec<i64> = mesh.region_of().iter().map(|&region| region.into()).collect();

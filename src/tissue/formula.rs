@@ -3,7 +3,7 @@
 use std::fmt;
 use std::sync::Arc;
 
-use nalgebra::Matrix3;
+use nalgebra::{Matrix3, Vector3};
 use thiserror::Error;
 
 use crate::fem::material::{
@@ -177,6 +177,17 @@ impl Formula {
             Self::Guccione(material) => material.evaluate(f),
             Self::Custom(material) => material.0.evaluate(f),
         }
+    }
+
+    /// Returns the fiber axes in the undeformed body, unit vectors; none of isotropic and custom materials.
+    pub fn fiber_axes(&self) -> impl Iterator<Item = Vector3<f64>> {
+        let axes = match self {
+            Self::NeoHookean(_) | Self::LinearElastic(_) | Self::HolmesMow(_) | Self::Custom(_) => [None; 2],
+            Self::TransverselyIsotropic(formula) => [Some(formula.material.axis()), None],
+            Self::HolzapfelGasserOgden(material) => material.axes,
+            Self::Guccione(material) => [Some(material.axis), None],
+        };
+        axes.into_iter().flatten()
     }
 
     /// Returns the shear modulus and the bulk modulus at rest, Pa; of an anisotropic formula, those of the isotropic

@@ -160,6 +160,28 @@ fn a_body_without_supports_is_held_against_rigid_motions_if_its_loads_balance() 
     assert!(warned.stderr.contains(expected), "{}", warned.stderr);
 }
 
+/// Dead tractions of the stress `P` balance at rest if `P` is symmetric, but on the deformed body only if `P F^T` is: a
+/// pull along x beside a shear needs a rotation, which the supports prevent.
+#[test]
+fn loads_that_balance_only_at_rest_end_the_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let loads = [("x0", "-300, -100"), ("x1", "300, 100"), ("y0", "-100, 0"), ("y1", "100, 0")];
+    let boundaries =
+        loads.map(|(surface, force)| format!("[[boundary]]\nsurface = \"{surface}\"\ntraction = [{force}, 0]\n"));
+    let text = format!(
+        "[mesh]\ngenerate = {{ shape = \"box\", cells = [2, 2, 2], size = [1, 1, 1] }}\n[body]\nfree = \"rigid\"\n\
+         [[region]]\nname = \"*\"\nmaterial = {{ {CONSTANTS} }}\n{}",
+        boundaries.concat()
+    );
+    std::fs::write(folder.join("case.toml"), text).unwrap();
+    let checked = line(folder, "check case.toml");
+    checked.done();
+    assert_eq!(checked.stderr, "");
+    let failed = line(folder, "run case.toml");
+    assert!(failed.failed(3).contains("do not balance on the deformed body"), "{}", failed.stderr);
+}
+
 /// Conditions that contradict the mesh or each other, with the exact errors.
 #[test]
 fn contradictory_planes_and_rigid_surfaces_are_reported_with_line_and_cure() {
@@ -187,7 +209,7 @@ fn contradictory_planes_and_rigid_surfaces_are_reported_with_line_and_cure() {
         (
             block,
             boundary("x1", "rigid = { displacement = { x = 0.1 } }") + &boundary("y0", "displacement = { y = 0.0 }"),
-            "case.toml:6: node 1 belongs to the rigid surface `x1`, but also to surface `y0`\n  \
+            "case.toml:6: node 1 belongs to the rigid surface `x1`, but also to surface `y0`, which prescribes its y-displacement\n  \
              expected: nodes whose other conditions hold only components that the rigid surface holds: displacement 0 along \
              them, and rotation 0 about the other two axes\n  \
              cure: prescribe these components of `rigid`, or leave the nodes out of one of the two surfaces\n",

@@ -10,6 +10,7 @@ use super::value::{Value, did_you_mean};
 use crate::fem::boundary::LoadCurve;
 use crate::fem::constraint::{ConstrainedVolume, ConstraintMethod, VolumeConstraint};
 use crate::input::excerpt;
+use crate::tissue::materials::OTHER_REGIONS;
 
 /// Reads all volume constraints; their names are unique.
 pub(super) fn constraints(root: &mut Table<'_>) -> Vec<ConstraintCase> {
@@ -29,6 +30,7 @@ pub(super) fn constraints(root: &mut Table<'_>) -> Vec<ConstraintCase> {
         let method = method(&mut table);
         if let (Some(of), Some(curve), Some(method), None | Some(Some(_))) = (of, curve, method, given) {
             let default = match &of {
+                ConstrainedVolume::Region(region) if region == OTHER_REGIONS => "all",
                 ConstrainedVolume::Region(region) => region.as_str(),
                 ConstrainedVolume::Cavity(surfaces) => surfaces.first().map_or("", String::as_str),
             };

@@ -266,7 +266,9 @@
 //! equilibrium. The `penalty` method (augmented Lagrangian) restores equilibrium with adapted pressures until the
 //! volume is within the tolerance of `[newton]`, relative to the volume at rest. `penalty` is the penalty parameter in
 //! units of `|A| / V0`, with the mean norm `|A|` of the tangent at rest in Pa and the volume `V0` at rest: larger
-//! values need fewer rounds, which `log.jsonl` counts as `augmentations`. See [`constraint`](crate::fem::constraint).
+//! values need fewer rounds, which `log.jsonl` counts as `augmentations`. `name` names the columns of the constraint in
+//! `loads.csv`; by default, it is the region (`all` for `*`) or the first surface of the cavity. See
+//! [`constraint`](crate::fem::constraint).
 //!
 //! # Iterative solvers
 //!

@@ -74,7 +74,7 @@ pub(super) fn nearest<'k>(word: &str, known: impl IntoIterator<Item = &'k str>) 
         let other = plain(candidate);
         let slips = damerau_levenshtein(&word, &other);
         let longest = word.chars().count().max(other.chars().count());
-        let begins = word.len() >= 4 && other.starts_with(&word) || other.len() >= 4 && word.starts_with(&other);
+        let begins = word.len() >= 3 && other.starts_with(&word) || other.len() >= 4 && word.starts_with(&other);
         (3 * slips <= longest || begins).then_some(slips)
     };
     known

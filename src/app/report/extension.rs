@@ -29,6 +29,8 @@ impl Extension {
     pub fn find(loads: &Loads, fields: Option<(&Fields, f64)>) -> Option<Self> {
         /// A smaller angle, rad, changes lengths by less than half a percent.
         const TURNED: f64 = 0.1;
+        /// Mean displacements that differ by less than this, relative to the body, are equal.
+        const ROUNDING: f64 = 1e-9;
         let last = loads.rows.last()?;
         let angle = |rigid: &RigidRow| rigid.rotation.iter().map(|r| r * r).sum::<f64>().sqrt();
         if last.rigid.iter().any(|rigid| angle(rigid) > TURNED) {
@@ -52,6 +54,9 @@ impl Extension {
         let mut extension = Self { axis, surfaces, length: None, sign: apart.signum() };
         if let Some((fields, time)) = fields {
             let reference = edges(fields.points.iter().copied())[axis];
+            if apart.abs() < ROUNDING * reference {
+                return None;
+            }
             extension.length = Some(reference).filter(|&length| length > 0.0);
             let change = edges(deformed(fields))[axis] - reference;
             let counted = row_at(loads, time).map_or(0.0, |row| extension.elongation(row));

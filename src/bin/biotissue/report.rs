@@ -50,6 +50,7 @@ pub fn run(command: &ReportCommand) -> Result<(), Failure> {
     let failure = |error| failure(dir, error);
     let written = match picture {
         Some(file) => {
+            check_is_svg(file)?;
             let svg = picture::draw(dir, &options).map_err(failure)?;
             output::make_folder_of(file)?;
             biotissue::output::write(file, svg.as_bytes()).map_err(|error| Failure::unwritable(file, &error))?;
@@ -58,6 +59,17 @@ pub fn run(command: &ReportCommand) -> Result<(), Failure> {
         None => page::write(dir, page_file.as_deref(), &options).map_err(failure)?,
     };
     output::print(&written.display().to_string())
+}
+
+fn check_is_svg(file: &Path) -> Result<(), Failure> {
+    match file.extension() {
+        Some(extension) if !extension.eq_ignore_ascii_case("svg") => Err(Failure::arguments(
+            format!("invalid --picture {}", file.display()),
+            "the name of an SVG file",
+            "let it end in .svg; Inkscape, rsvg-convert and web browsers convert SVG to other formats",
+        )),
+        _ => Ok(()),
+    }
 }
 
 fn failure(dir: &Path, error: ReportError) -> Failure {

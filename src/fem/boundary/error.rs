@@ -121,7 +121,7 @@ pub enum BoundaryError {
         node: usize,
         /// The rigid surface.
         rigid: String,
-        /// The other condition.
+        /// The other condition, and what it prescribes.
         other: String,
     },
     /// The prescribed part of a rotation vector is too long for free components beside it.

@@ -48,11 +48,12 @@ pub(super) fn rigid_surfaces(
         let rigid = condition.resolve(mesh)?;
         let number = rigid.surface.surface;
         for &node in &rigid.surface.nodes {
-            let conflict = |other: Source| BoundaryError::RigidConflict {
+            let conflict_in = |what: &str, other: Source| BoundaryError::RigidConflict {
                 node: node as usize,
                 rigid: Source::Surface(number).describe(mesh),
-                other: other.describe(mesh),
+                other: other.describe(mesh) + what,
             };
+            let conflict = |other| conflict_in("", other);
             if let Some(other) = owner.insert(node, number) {
                 return Err(conflict(Source::Surface(other)));
             }
@@ -61,7 +62,8 @@ pub(super) fn rigid_surfaces(
                 return Err(conflict(plane.source));
             }
             if let Some(other) = prescribed.take(node).iter().find(|component| !rigid.agrees_with(component)) {
-                return Err(conflict(other.source));
+                let component = ["x", "y", "z"][usize::from(other.component)];
+                return Err(conflict_in(&format!(", which prescribes its {component}-displacement"), other.source));
             }
         }
         all.push(rigid);

@@ -73,6 +73,11 @@ impl TransverselyIsotropic {
         let gamma = axial * (1.0 - nu) / (8.0 * m) - (lambda + 2.0 * mu) / 8.0 + 0.5 * (alpha - beta);
         Some(Self { isotropic: NeoHookean { mu, lambda }, alpha, beta, gamma, axis })
     }
+
+    /// Returns the axis, a unit vector.
+    pub fn axis(&self) -> Vector3<f64> {
+        self.axis
+    }
 }
 
 impl Material for TransverselyIsotropic {

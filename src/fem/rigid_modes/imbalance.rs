@@ -122,7 +122,7 @@ mod tests {
         assert!(moment.ends_with("along z"), "{moment}");
         // A hinge about z at the origin: the couple turns the body, and the force along z meets a support.
         let hinge = [held([0.0; 3], [true; 3]), held([0.0, 0.0, 1.0], [true, true, false])].concat();
-        let expected = "a moment of 4.000e0 N m about the axis through (0, 0, 0) along z";
+        let expected = "a moment of 4.000e0 N m about the axis through (0, 0, 0.5) along z";
         assert_eq!(text(&hinge, &couple).as_deref(), Some(expected));
         assert_eq!(text(&hinge, &pull), None);
         assert_eq!(text(&hinge, &push), None);

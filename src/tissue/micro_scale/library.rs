@@ -110,6 +110,11 @@ impl<B: RealBackend> Library<B> {
         self.regions[region].0.material.formula().map_or(&[], Formulas::distinct)
     }
 
+    /// Returns the formula of a point of a region, or that of the matrix of its RVE, if there is one.
+    pub fn formula_at(&self, region: usize, point: usize) -> Option<&Arc<Formula>> {
+        self.regions[region].0.material.formula()?.at(point)
+    }
+
     /// Returns the linear response of a model at rest.
     ///
     /// # Errors

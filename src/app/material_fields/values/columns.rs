@@ -81,7 +81,12 @@ impl Header {
         let missing = |column: &String| {
             let expected = format!("names of columns in the first row, which has {}", listed.join(", "));
             let problem = format!("there is no column \"{}\"", excerpt(column));
-            InputError { line, ..InputError::in_file(file, problem, expected, "correct the name, or add the column") }
+            let is_one = |separator: u8| names.len() == 1 && names.iter().any(|cell| cell.contains(&separator));
+            let cure = match [b';', b'\t'].into_iter().any(is_one) {
+                true => "separate the columns by commas, and write decimal points",
+                false => "correct the name, or add the column",
+            };
+            InputError { line, ..InputError::in_file(file, problem, expected, cure) }
         };
         let found: Vec<Result<usize, InputError>> =
             columns.iter().map(|column| place(column).ok_or_else(|| missing(column))).collect();
