@@ -135,12 +135,14 @@ impl Directory {
     }
 
     /// Returns the extension of the body in these fields, as a fraction of its reference length: from the table of
-    /// loads at the time of the fields, or else from the bounding box of the body.
+    /// loads at the time of the fields, or else from the bounding box of the body, if its longest edge changes.
     pub fn extension_at(&self, entry: &Entry, fields: &Fields) -> Option<f64> {
+        /// The change of an edge that is due to rounding.
+        const ROUNDING: f64 = 1e-9;
         let row = self
             .loads
             .as_ref()
             .and_then(|loads| Extension::find(loads, Some((fields, entry.time)))?.fraction(row_at(loads, entry.time)?));
-        row.or_else(|| box_extension(fields))
+        row.or_else(|| box_extension(fields).filter(|extension| extension.abs() > ROUNDING))
     }
 }

@@ -70,6 +70,11 @@ impl<B: Backend> Border<B> {
         self.residuals.is_empty()
     }
 
+    /// Returns the absolute value of `dp . c`, the work of the constraints in the last solution.
+    pub(super) fn work(&self) -> f64 {
+        self.increments.iter().zip(&self.residuals).map(|(dp, c)| dp * c).sum::<f64>().abs()
+    }
+
     /// Returns the gradient `dc_j/dx` of each constraint, to be written.
     pub fn gradients_mut(&mut self) -> &mut [B::Vector] {
         let constraints = self.len();

@@ -102,7 +102,7 @@ impl<B: Backend<Reduced: Scalar>> NewtonSystem<B> {
                 if !params.has_step_criteria() {
                     return system.line_search(problem, params, limit, report);
                 }
-                let work = system.residual_dot_direction()?;
+                let work = system.residual_dot_direction()?.abs() + system.border.work();
                 let mut next = system.line_search(problem, params, limit, report)?;
                 next.settled = system.is_settled(problem, params, &next, work)?;
                 Ok(next)
@@ -110,7 +110,7 @@ impl<B: Backend<Reduced: Scalar>> NewtonSystem<B> {
         )
     }
 
-    /// Returns whether the step to this iterate and its work are small. `work` is `d . r` before the step.
+    /// Returns whether the step to this iterate and its work are small. `work` is `|d . r| + |dp . c|` before the step.
     fn is_settled<P: NonlinearProblem<B>>(
         &self,
         problem: &P,
