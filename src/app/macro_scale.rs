@@ -161,7 +161,9 @@ fn located(case: &Case, error: &BoundaryError) -> InputErrors {
                 "a finite value at every node and integration point, at t = 0 and at the end of every step".into(),
                 "correct the expression, or the `scale` of the mesh",
             ),
-            BoundaryError::UnknownPoint { .. } => (None, "a point condition".into(), "correct the number"),
+            BoundaryError::UnknownPoint { .. } | BoundaryError::UnknownComponent { .. } => {
+                (None, "a component of a point condition".into(), "correct the number")
+            }
             BoundaryError::UnknownSurface { name, .. } => (
                 line_of(case, &format!("surface `{name}`")),
                 "a surface of the mesh".into(),

@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use nalgebra::Matrix3;
+
 use super::case::{Case, SurfaceLoad};
 use super::cell_fields::CellFields;
 use super::checkpoint;
@@ -17,6 +19,7 @@ use super::results::{
 };
 use super::rve_files::NetworkFiles;
 use crate::app::stress::CauchyStress;
+use crate::fem::constraint::Constraints;
 use crate::fem::equilibrium::BodyState;
 use crate::fem::mesh::Mesh;
 use crate::fem::reactions::{BoundaryForces, RigidForce, SurfaceForce};
@@ -187,10 +190,15 @@ impl<'a> Recorder<'a> {
         &mut self,
         (step, whole): (usize, bool),
         mesh: &Mesh,
-        state: &BodyState,
+        (state, constraints): (&BodyState, &Constraints),
         field: &M,
     ) -> Result<(), ResultsError> {
-        let stress = |point: usize, f: &_, pk1: &_| self.stress.of(self.region_of[point], f, pk1);
+        let pressures = constraints.region_pressures(&state.volumes, self.region_of.len());
+        let pressure_at = |point: usize| pressures.as_ref().map_or(0.0, |pressures| pressures[point]);
+        let stress = |point: usize, f: &_, pk1: &_| {
+            let of_material = self.stress.of(self.region_of[point], f, pk1);
+            of_material - Matrix3::from_diagonal_element(pressure_at(point))
+        };
         let families = |point: usize, f: &_| self.fibers.at(field.library(), (self.region_of[point], point), f);
         let status = |point| field.sites().status(point);
         let points = CellFields::new(state, stress, families, &field.summaries(), status);
@@ -286,14 +294,14 @@ impl<'a> Recorder<'a> {
         step: usize,
         t_of_step: f64,
         mesh: &Mesh,
-        state: &BodyState,
+        (state, constraints): (&BodyState, &Constraints),
         field: &M,
     ) -> Result<(), ResultsError> {
         let written = self.fields.entries().last().map_or(0.0, |entry| entry.time);
         if state.t <= written {
             return Ok(());
         }
-        self.write_fields((step, state.t <= t_of_step), mesh, state, field)
+        self.write_fields((step, state.t <= t_of_step), mesh, (state, constraints), field)
     }
 }
 
@@ -302,7 +310,7 @@ impl Recorder<'_> {
     pub fn converged<M: TissueMaterial>(&mut self, step: &ConvergedStep<'_, M>) -> Result<(), ResultsError> {
         self.write_loads(step)?;
         if step.step.is_multiple_of(self.every) || step.step == step.count {
-            self.write_fields((step.step, true), step.mesh, step.state, step.field)?;
+            self.write_fields((step.step, true), step.mesh, (step.state, step.constraints), step.field)?;
         }
         self.write_times(step.step, &step.field.take_times())?;
         let stats = step.field.take_stats();

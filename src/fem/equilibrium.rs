@@ -129,7 +129,10 @@ pub struct Equilibrium<B: Backend, P> {
     volumes: Volumes,
     /// Work array for nodal forces or increments that are copied to or from a vector.
     nodal: Vec<[f64; 3]>,
+    /// The norm of the residual due to rounding of deformation gradients of order one, N.
     floor: f64,
+    /// The largest gradient of a shape function, 1/m.
+    steepest: f64,
 }
 
 impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
@@ -167,6 +170,7 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
             nodal: trial.displacements.clone(),
             volumes,
             floor: 0.0,
+            steepest: assembler.geometry().steepest_gradient(),
             mesh,
             boundary,
             assembler,
@@ -260,9 +264,12 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
         forces.max(self.volumes.scale(&self.trial.volumes))
     }
 
-    /// Returns the norm of the residual of the trial state that is due to rounding, N.
+    /// Returns the norm of the residual of the trial state that is due to rounding, N: of deformation gradients of order
+    /// one, or of displacements that are longer than an element.
     fn residual_floor(&self) -> f64 {
-        self.floor.hypot(self.volumes.floor(&self.trial.volumes))
+        let largest = self.trial.displacements.as_flattened().iter().fold(0.0, |most: f64, u| most.max(u.abs()));
+        let gradient = (self.steepest * largest).max(1.0);
+        (gradient * self.floor).hypot(self.volumes.floor(&self.trial.volumes, largest))
     }
 
     /// Resets the trial displacements and the micro states to the committed ones.
@@ -360,8 +367,8 @@ impl<B: RealBackend, P: PointField> NonlinearProblem<B> for Equilibrium<B, P> {
     type Error = EquilibriumError<P::Error, B::Error>;
 
     /// Evaluates `r = f_int - f_ext` of the free unknowns, N. The scale is the larger norm of the two over all nodes,
-    /// or that of the forces of a constraint; the floor is [`Assembler::rounding_error`] of the undeformed body, and
-    /// the rounding of the constrained volumes.
+    /// or that of the forces of a constraint; the floor is [`Assembler::rounding_error`] of the undeformed body, greater
+    /// for displacements that are longer than an element, and the rounding of the constrained volumes.
     fn residual(&mut self, r: &mut B::Vector) -> Result<ResidualScale, Self::Error> {
         self.evaluate_points()?;
         // The forces of dead loads are those of `begin_step`.

@@ -42,8 +42,8 @@ pub struct PointForce {
 pub struct RigidForce {
     /// Index into [`BoundaryForces::surfaces`], whose force contains that of the rigid surface.
     pub surface: usize,
-    /// The moment of the reactions of the surface about its displaced reference point, exerted on the body, N m;
-    /// without that of other loads on the surface.
+    /// The moment about the displaced reference point that is exerted on the body through the surface, by its reactions
+    /// and by loads on it, N m.
     pub moment: [f64; 3],
     /// The motion.
     pub motion: RigidMotion,
@@ -78,13 +78,32 @@ impl BoundaryForces {
             }
         });
         for load in boundary.loads() {
-            if let Some(force) = load.source().and_then(|source| forces.force_mut(source)) {
-                for (sum, part) in force.iter_mut().zip(load.resultant(*t, displacements)) {
-                    *sum += part;
-                }
+            if let Some(source) = load.source() {
+                let nodal = |forces: &mut [[f64; 3]]| load.add_forces(*t, displacements, forces);
+                forces.add_load(source, load.resultant(*t, displacements), nodal, boundary, displacements.len());
             }
         }
         forces
+    }
+
+    /// Adds the force of a load, N, and its moment on a rigid surface; `nodal` adds the forces on the `nodes` nodes.
+    pub(super) fn add_load(
+        &mut self,
+        source: Source,
+        resultant: [f64; 3],
+        nodal: impl FnOnce(&mut [[f64; 3]]),
+        boundary: &Boundary,
+        nodes: usize,
+    ) {
+        let Some(force) = self.force_mut(source) else { return };
+        force.iter_mut().zip(resultant).for_each(|(sum, part)| *sum += part);
+        let mut surfaces = self.rigid.iter_mut().zip(boundary.kinematics().rigid_surfaces());
+        if let Some((of, rigid)) = surfaces.find(|(of, _)| source == Source::Surface(of.surface)) {
+            let mut forces = vec![[0.0; 3]; nodes];
+            nodal(&mut forces);
+            let moment = rigid.moment(&of.motion, &forces);
+            of.moment.iter_mut().zip(moment).for_each(|(sum, part)| *sum += part);
+        }
     }
 
     /// Returns the sum over all surfaces and points, N: minus the total body force.

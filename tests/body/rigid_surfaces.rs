@@ -169,6 +169,45 @@ fn the_moment_is_the_derivative_of_the_energy() {
     }
 }
 
+/// The moment is that of all forces through the surface: a load on a surface that is held does not reach the body.
+#[test]
+fn the_moment_contains_that_of_loads_on_the_surface() {
+    let mesh = shapes::cuboid_of(ElementType::Tet4, [2, 1, 1], [2.0, 1.0, 0.8]).unwrap();
+    let held = RigidCondition { reference: Some([2.0, 0.0, 0.0]), ..rigid("x1", [Some(0.0); 3], [Some(0.0); 3]) };
+    let conditions = Conditions {
+        rigid: vec![held],
+        loads: vec![
+            traction("x1", [30.0, -20.0, 50.0]),
+            Arc::new(Pressure { surface: "x1".into(), value: 70.0, curve: LoadCurve::Ramp }),
+        ],
+        ..Conditions::default()
+    };
+    let forces = solved(mesh, &conditions, 1).forces();
+    let rigid = &forces.rigid[0];
+    let through = forces.surfaces[rigid.surface].force;
+    // Those of the loads alone are 40 N and 30 N m.
+    for part in through.iter().chain(&rigid.moment) {
+        assert!(part.abs() < 1e-12, "{through:?} {:?}", rigid.moment);
+    }
+}
+
+/// A body that only turns has no stress, but its displacements over many elements round to more than one of order one
+/// would.
+#[test]
+fn a_body_that_turns_far_around_converges_without_loads() {
+    let mesh = shapes::cuboid_of(ElementType::Hex8, [4, 2, 2], [2.0, 1.0, 1.0]).unwrap();
+    for distance in [5.0, 500.0] {
+        let turning = RigidCondition {
+            reference: Some([distance, 0.0, 0.0]),
+            ..rigid("x1", [Some(0.0); 3], [Some(0.0), Some(0.0), Some(1.0)])
+        };
+        let conditions = Conditions { rigid: vec![turning], ..Conditions::default() };
+        let mut body = setup(mesh.clone(), &conditions, 4).unwrap();
+        let reports = body.run(&mut ()).unwrap_or_else(|error| panic!("{distance}: {error}"));
+        assert!(reports.iter().all(|report| report.cuts == 0), "{distance}");
+    }
+}
+
 /// Newton converges quadratically with free rotations.
 #[test]
 fn newton_converges_quadratically_with_a_free_rigid_surface() {
@@ -256,7 +295,9 @@ fn a_rigid_surface_may_share_nodes_with_a_plane_that_it_keeps() {
     assert!((all / (2.0 * of_half) - 1.0).abs() < 1e-9, "{all} {of_half}");
     let tilting = rigid("x1", [None, None, Some(0.0)], [Some(0.0), None, Some(0.4)]);
     let error = bend(half, plane, tilting).unwrap_err().to_string();
-    assert_eq!(error, "node 4 belongs to the rigid surface `x1`, but also to surface `z0`");
+    let expected =
+        "node 4 belongs to the rigid surface `x1`, but also to surface `z0`, which prescribes its z-displacement";
+    assert_eq!(error, expected);
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! Runs with constrained volumes: a driven cavity and a region of constant volume.
 
+use biotissue::app::results::read_fields;
 use biotissue::fem::element::ElementType;
 use biotissue::fem::mesh::gmsh;
 
@@ -118,6 +119,29 @@ fn rves_are_created_and_deleted_at_constrained_volumes() {
         for (p, q) in row.pressures.iter().zip(&other.pressures) {
             assert!((p - q).abs() < 1e-4 * p.abs(), "{row:?} {other:?}");
         }
+    }
+}
+
+/// The stress in the fields contains the pressure of a constrained region: that of a body without forces is zero.
+#[test]
+fn a_freely_swelling_body_has_no_stress() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let planes = ["x0", "y0", "z0"].map(|plane| format!("[[boundary]]\nsurface = \"{plane}\"\nsymmetry = true\n"));
+    let text = format!(
+        "[mesh]\ngenerate = {{ shape = \"box\", cells = [2, 2, 2], size = [1, 1, 1], element = \"hex8\" }}\n[[region]]\n\
+         name = \"*\"\nmaterial = {{ {CONSTANTS} }}\n{}[[constraint]]\nregion = \"*\"\nvolume = [[0, 1], [1, 1.3]]\n\
+         [steps]\ncount = 2\n",
+        planes.concat()
+    );
+    std::fs::write(folder.join("case.toml"), text).unwrap();
+    line(folder, "run case.toml --out out").done();
+    let found = loads(folder, "out");
+    assert_eq!(found.names.constraints, ["all"]);
+    assert!(found.rows.last().unwrap().pressures[0] > 400.0, "{:?}", found.rows);
+    let fields = read_fields(&folder.join("out/fields-00002.vtu")).unwrap();
+    for stress in fields.cell_tensor("cauchy_stress").unwrap() {
+        assert!(stress.iter().all(|component| component.abs() < 1e-6), "{stress:?}");
     }
 }
 

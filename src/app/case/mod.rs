@@ -237,8 +237,11 @@
 //!
 //! `displacement` (m) moves the reference point (`reference`, in mesh units; by default the centroid of the surface),
 //! and `rotation` is the rotation vector about it: the axis times the angle in rad. A component that is not named is
-//! free, so that no force or moment acts along it, except those of other loads: a `traction`, `pressure` or
-//! `foundation` on the same surface acts on the grip. `loads.csv` gives the moment about the displaced reference point
+//! free. No force acts along a free direction, except those of other loads: a `traction`, `pressure` or `foundation` on
+//! the same surface acts on the grip. The moment conjugate to a free component of the rotation vector is zero. This is
+//! the moment about that axis only as long as the rotation is small: beside a prescribed rotation, a tilt of the grip
+//! meets a moment that grows with the angle and has no limit at 2 pi, so prescribe all three components for angles above
+//! about 1 rad. `loads.csv` gives the moment about the displaced reference point, exerted by the grip and other loads,
 //! and the motion. See [`RigidCondition`](crate::fem::boundary::RigidCondition).
 //!
 //! ```toml

@@ -224,7 +224,7 @@ impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
         let reason = match &outcome {
             Ok(_) => None,
             Err(error @ RunError::NotConverged { .. }) => {
-                let (state, field) = (self.stepper.state(), self.stepper.field());
+                let (state, field) = ((self.stepper.state(), self.stepper.constraints()), self.stepper.field());
                 let t = steps as f64 / self.stepper.count() as f64;
                 let mesh = self.stepper.mesh();
                 recorder.write(|recorder| recorder.write_last(steps, t, mesh, state, field))?;

@@ -97,6 +97,12 @@ impl Geometry {
         self.blocks.iter().flat_map(of_block).collect()
     }
 
+    /// Returns the largest norm of the gradient of a shape function, 1/m.
+    pub fn steepest_gradient(&self) -> f64 {
+        let of_blocks = self.blocks.iter().map(|block| with_block!(block, b => b.steepest_gradient()));
+        of_blocks.fold(0.0, f64::max)
+    }
+
     /// Returns the volume, m^3, and the shape-function gradients of a point.
     pub(super) fn point(&self, number: usize) -> (f64, Vec<[f64; 3]>) {
         let first = |block: &ElementBlock| with_block!(block, b => b.first_point);
@@ -168,6 +174,12 @@ impl<const N: usize, const Q: usize> Block<N, Q> {
                 scatter(forces, nodes, local::internal_force(point, &dp));
             }
         }
+    }
+
+    /// Returns the largest norm of the gradient of a shape function, 1/m.
+    pub fn steepest_gradient(&self) -> f64 {
+        let gradients = self.points.as_flattened().iter().flat_map(|point| &point.gradients);
+        gradients.map(|g| g.iter().map(|x| x * x).sum::<f64>()).fold(0.0, f64::max).sqrt()
     }
 
     /// Returns the sum over all points and nodes of the squared errors of the forces, divided by `eps`; see

@@ -63,6 +63,14 @@ pub enum BoundaryError {
         /// The number of point conditions.
         known: usize,
     },
+    /// A displacement of a point condition refers to a component that does not exist.
+    #[error("point condition {point} has the components 0, 1 and 2, not {component}")]
+    UnknownComponent {
+        /// The index of the point condition.
+        point: usize,
+        /// The requested component.
+        component: usize,
+    },
     /// Two conditions prescribe different values for one displacement component.
     #[error(
         "node {node} is given two {}-displacements: {} by {first} and {} by {second}{}",

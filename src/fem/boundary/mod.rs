@@ -90,6 +90,9 @@ impl Boundary {
         for PointDisplacement { point, component, value, curve } in &conditions.point_displacements {
             let known = point_nodes.len();
             let node = point_nodes.get(*point).ok_or(BoundaryError::UnknownPoint { point: *point, known })?;
+            if *component > 2 {
+                return Err(BoundaryError::UnknownComponent { point: *point, component: *component });
+            }
             let displacement: [Option<f64>; 3] = std::array::from_fn(|i| (i == *component).then_some(*value));
             prescribed.add(&[*node], &displacement, curve, Source::Point(*point))?;
         }

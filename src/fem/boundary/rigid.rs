@@ -15,7 +15,8 @@ use crate::fem::mesh::{Mesh, Surface};
 ///
 /// The rotation vector is the axis times the angle; a rotation about a fixed axis is prescribed by three components,
 /// two of which may be 0. With a free component, the length of the vector must stay below `2 pi`, where the rotations
-/// about all axes coincide.
+/// about all axes coincide. The moment conjugate to a free component is the moment about its axis only for small
+/// rotations: with the derivative `T` of the rotation, `T^T m = 0` in that component.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RigidCondition {
     /// The surface's name.

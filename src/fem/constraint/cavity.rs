@@ -15,7 +15,6 @@
 use std::collections::HashSet;
 
 use crate::fem::boundary::{add_pressure_stiffness, find_surface, unmatched_edges};
-use crate::fem::element::FaceType;
 use crate::fem::mesh::{Faces, Mesh};
 
 use super::error::{ConstraintError, OpenEdge};
@@ -27,7 +26,9 @@ pub struct Cavity {
     faces: Faces,
     /// The number of each surface in [`Mesh::surfaces`] and its faces.
     surfaces: Vec<(usize, Faces)>,
-    /// Positions of the nodes of the mesh in the reference state, m.
+    /// A node of the surface.
+    origin: u32,
+    /// Positions of the nodes of the mesh relative to that node in the reference state, m.
     positions: Vec<[f64; 3]>,
 }
 
@@ -42,9 +43,12 @@ impl Cavity {
             faces.extend(&surface.faces);
             surfaces.push((number, surface.faces.clone()));
         }
-        let cavity = Self { faces, surfaces, positions: mesh.nodes().to_vec() };
+        let origin = faces.iter().next().and_then(|nodes| nodes.first()).copied().unwrap_or_default();
+        let center = mesh.nodes().get(origin as usize).copied().unwrap_or_default();
+        let relative = |x: &[f64; 3]| std::array::from_fn(|i| x[i] - center[i]);
+        let cavity = Self { faces, surfaces, origin, positions: mesh.nodes().iter().map(relative).collect() };
         cavity.check_distinct(constraint)?;
-        cavity.check_closed(constraint)?;
+        cavity.check_closed(mesh, constraint)?;
         let volume = cavity.volume(&vec![[0.0; 3]; mesh.nodes().len()]);
         // A NaN is no volume either.
         if volume > 0.0 {
@@ -66,7 +70,7 @@ impl Cavity {
         Ok(())
     }
 
-    fn check_closed(&self, constraint: &str) -> Result<(), ConstraintError> {
+    fn check_closed(&self, mesh: &Mesh, constraint: &str) -> Result<(), ConstraintError> {
         /// More edges do not help to find the gap.
         const SHOWN: usize = 3;
         let open = unmatched_edges(&self.faces);
@@ -74,7 +78,7 @@ impl Cavity {
             return Ok(());
         }
         let of_edge = |&(nodes, faces): &([u32; 2], usize)| {
-            let positions = nodes.map(|node| self.positions[node as usize]);
+            let positions = nodes.map(|node| mesh.nodes()[node as usize]);
             OpenEdge { nodes, positions, faces }
         };
         let edges = open.iter().take(SHOWN).map(of_edge).collect();
@@ -86,20 +90,21 @@ impl Cavity {
         &self.faces
     }
 
+    /// Returns the current positions of nodes relative to the origin, which moves with the body: their rounding errors
+    /// are those of the size of the cavity, wherever it is.
     fn current(&self, nodes: &[u32], displacements: &[[f64; 3]]) -> Vec<[f64; 3]> {
-        let at = |node: usize| std::array::from_fn(|i| self.positions[node][i] + displacements[node][i]);
+        let of_origin = displacements[self.origin as usize];
+        let at = |node: usize| -> [f64; 3] {
+            std::array::from_fn(|i| self.positions[node][i] + (displacements[node][i] - of_origin[i]))
+        };
         nodes.iter().map(|&node| at(node as usize)).collect()
     }
 
-    /// Returns the volume at these displacements of the nodes, m^3. Positions are relative to a node of the surface, so
-    /// that the rounding errors are those of the size of the cavity.
+    /// Returns the volume at these displacements of the nodes, m^3.
     pub fn volume(&self, displacements: &[[f64; 3]]) -> f64 {
-        let Some(&origin) = self.faces.iter().next().and_then(|nodes| nodes.first()) else { return 0.0 };
-        let origin = self.current(&[origin], displacements)[0];
         let mut sum = 0.0;
         for (face_type, nodes) in self.faces.typed() {
-            let mut current = self.current(nodes, displacements);
-            current.iter_mut().for_each(|x| *x = std::array::from_fn(|i| x[i] - origin[i]));
+            let current = self.current(nodes, displacements);
             face_type.integrate(&current, |values, area| {
                 for (value, x) in values.iter().zip(&current) {
                     sum += value * (x[0] * area[0] + x[1] * area[1] + x[2] * area[2]);
@@ -111,13 +116,7 @@ impl Cavity {
 
     /// Adds `dV/du` at these displacements, m^2, to `gradient`, which has one entry per node of the mesh.
     pub fn add_gradient(&self, displacements: &[[f64; 3]], gradient: &mut [[f64; 3]]) {
-        for (face_type, nodes) in self.faces.typed() {
-            face_type.integrate(&self.current(nodes, displacements), |values, area| {
-                for (&node, value) in nodes.iter().zip(values) {
-                    gradient[node as usize].iter_mut().zip(area).for_each(|(sum, a)| *sum -= value * a);
-                }
-            });
-        }
+        self.add_forces(&self.faces, 1.0, displacements, gradient);
     }
 
     /// Adds `-p d^2V/du^2` of one face, N/m, to the row-major square `block` of its nodes. Only the sum over all faces
@@ -127,17 +126,30 @@ impl Cavity {
         add_pressure_stiffness(face_type, &self.current(nodes, displacements), |_| pressure, block);
     }
 
-    /// Returns the force of a pressure in the cavity on each surface, N, with the number of the surface.
-    pub fn resultants(&self, pressure: f64, displacements: &[[f64; 3]]) -> Vec<(usize, [f64; 3])> {
-        let of_surface = |(number, faces): &(usize, Faces)| {
-            let mut sum = [0.0; 3];
-            for (face_type, nodes) in faces.typed() {
-                FaceType::integrate(face_type, &self.current(nodes, displacements), |_, area| {
-                    sum.iter_mut().zip(area).for_each(|(sum, area)| *sum -= pressure * area);
-                });
-            }
-            (*number, sum)
-        };
-        self.surfaces.iter().map(of_surface).collect()
+    /// Returns the number of each surface in [`Mesh::surfaces`] and its faces.
+    pub fn surfaces(&self) -> impl Iterator<Item = (usize, &Faces)> {
+        self.surfaces.iter().map(|(number, faces)| (*number, faces))
+    }
+
+    /// Adds the forces of a pressure on faces of the cavity, N, to `forces`, which has one entry per node of the mesh.
+    pub fn add_forces(&self, faces: &Faces, pressure: f64, displacements: &[[f64; 3]], forces: &mut [[f64; 3]]) {
+        for (face_type, nodes) in faces.typed() {
+            face_type.integrate(&self.current(nodes, displacements), |values, area| {
+                for (&node, value) in nodes.iter().zip(values) {
+                    forces[node as usize].iter_mut().zip(area).for_each(|(sum, a)| *sum -= pressure * value * a);
+                }
+            });
+        }
+    }
+
+    /// Returns the force of a pressure on faces of the cavity, N.
+    pub fn resultant(&self, faces: &Faces, pressure: f64, displacements: &[[f64; 3]]) -> [f64; 3] {
+        let mut sum = [0.0; 3];
+        for (face_type, nodes) in faces.typed() {
+            face_type.integrate(&self.current(nodes, displacements), |_, area| {
+                sum.iter_mut().zip(area).for_each(|(sum, area)| *sum -= pressure * area);
+            });
+        }
+        sum
     }
 }

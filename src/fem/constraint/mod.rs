@@ -120,6 +120,19 @@ impl Constraints {
         self.iter().any(|constraint| constraint.cavity().is_some())
     }
 
+    /// Returns the sum of the pressures of constrained regions at each of the integration points, Pa; `None` if there is
+    /// none. A pressure `p` adds `-p I` to the Cauchy stress of the material.
+    pub fn region_pressures(&self, states: &[VolumeState], points: usize) -> Option<Vec<f64>> {
+        let mut sums: Option<Vec<f64>> = None;
+        for (constraint, state) in self.iter().zip(states) {
+            let Some(of_region) = constraint.region_points().filter(|_| state.pressure != 0.0) else { continue };
+            let sums = sums.get_or_insert_with(|| vec![0.0; points]);
+            let inside = sums.iter_mut().zip(of_region).filter(|(_, is_inside)| **is_inside);
+            inside.for_each(|(sum, _)| *sum += state.pressure);
+        }
+        sums
+    }
+
     /// Returns the symmetry of the tangent, given that of the body: pressures can make it indefinite.
     pub fn symmetry(&self, body: Symmetry) -> Symmetry {
         match body {

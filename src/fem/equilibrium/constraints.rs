@@ -5,6 +5,7 @@
 
 use super::{BodyState, Equilibrium, EquilibriumError, norm, scatter};
 use crate::fem::assembly::Assembler;
+use crate::fem::boundary::Source;
 use crate::fem::constraint::{Constraint, ConstraintMethod, Constraints, VolumeState};
 use crate::fem::kinematics::RigidMotion;
 use crate::fem::point_field::PointField;
@@ -60,25 +61,14 @@ impl Volumes {
         Ok(())
     }
 
-    /// Returns the norm of the constraints that is due to rounding, N: 8 units in the last place of each volume.
-    pub fn floor(&self, states: &[VolumeState]) -> f64 {
-        let rounding = |constraint: &Constraint, state: &VolumeState| {
-            8.0 * f64::EPSILON * constraint.weight() * state.volume.abs().max(state.target)
-        };
-        let squares = self.with(states).map(|(constraint, state)| rounding(constraint, state).powi(2));
+    /// Returns the norm of the constraints that is due to rounding, N: 8 units in the last place of each volume and, by
+    /// the gradients of the last evaluation, of displacements of which the largest is `displacement`, m.
+    pub fn floor(&self, states: &[VolumeState], displacement: f64) -> f64 {
+        let squares = self.with(states).zip(&self.gradients).map(|((constraint, state), gradient)| {
+            let volume = state.volume.abs().max(state.target) + norm(gradient) * displacement;
+            (8.0 * f64::EPSILON * constraint.weight() * volume).powi(2)
+        });
         squares.sum::<f64>().sqrt()
-    }
-
-    /// Returns the pressure of regions at each of the integration points, Pa; `None` if there is none.
-    fn region_pressures(&self, states: &[VolumeState], points: usize) -> Option<Vec<f64>> {
-        let mut sums: Option<Vec<f64>> = None;
-        for (constraint, state) in self.with(states) {
-            let Some(of_region) = constraint.region_points().filter(|_| state.pressure != 0.0) else { continue };
-            let sums = sums.get_or_insert_with(|| vec![0.0; points]);
-            let inside = sums.iter_mut().zip(of_region).filter(|(_, is_inside)| **is_inside);
-            inside.for_each(|(sum, _)| *sum += state.pressure);
-        }
-        sums
     }
 }
 
@@ -149,7 +139,7 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
     /// Adds the stiffness of the pressures of `state`, `-p d^2V/du^2`, to `k`.
     pub(super) fn add_constraint_stiffness(&self, state: &BodyState, k: &mut B::Matrix) -> Result<(), B::Error> {
         let BodyState { displacements, rigid, volumes, .. } = state;
-        if let Some(pressures) = self.volumes.region_pressures(volumes, state.gradients.len()) {
+        if let Some(pressures) = self.volumes.constraints.region_pressures(volumes, state.gradients.len()) {
             self.assembler.pressure_stiffness(&pressures, displacements, rigid, k)?;
         }
         if self.volumes.constraints.have_cavities() {
@@ -170,7 +160,7 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
         }
         self.add_cavity_forces();
         let BodyState { displacements, volumes, gradients, .. } = &self.committed;
-        if let Some(pressures) = self.volumes.region_pressures(volumes, gradients.len()) {
+        if let Some(pressures) = self.volumes.constraints.region_pressures(volumes, gradients.len()) {
             let geometry = self.assembler.geometry();
             geometry.add_linearized_pressure_forces(&pressures, displacements, increments, &mut self.nodal);
         }
@@ -257,12 +247,15 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
         }
     }
 
-    /// Adds the forces of the pressures in cavities to those of their surfaces.
+    /// Adds the forces and moments of the pressures in cavities to those of their surfaces.
     pub(super) fn add_cavity_resultants(&self, state: &BodyState, forces: &mut BoundaryForces) {
         for (constraint, VolumeState { pressure, .. }) in self.volumes.with(&state.volumes) {
             let Some(cavity) = constraint.cavity() else { continue };
-            for (surface, force) in cavity.resultants(*pressure, &state.displacements) {
-                forces.surfaces[surface].force.iter_mut().zip(force).for_each(|(sum, part)| *sum += part);
+            for (surface, faces) in cavity.surfaces() {
+                let displacements = &state.displacements;
+                let resultant = cavity.resultant(faces, *pressure, displacements);
+                let nodal = |forces: &mut [[f64; 3]]| cavity.add_forces(faces, *pressure, displacements, forces);
+                forces.add_load(Source::Surface(surface), resultant, nodal, &self.boundary, displacements.len());
             }
         }
     }

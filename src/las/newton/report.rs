@@ -143,7 +143,7 @@ pub enum NewtonError<E, F> {
     },
     /// The iteration limit was reached: the residual is small enough, but the last step or its work is not.
     #[error(
-        "no convergence in {iterations} iterations: |r| = {residual:.3e} is within its limit, but the last correction is larger than the displacement or energy tolerance"
+        "no convergence in {iterations} iterations: |r| = {residual:.3e} is within its limit, but the last correction is larger than the displacement or energy tolerance, or a constraint is not satisfied"
     )]
     StillMoving {
         /// Number of iterations performed.

@@ -6,8 +6,8 @@ use biotissue::backends::sparse::Sparse;
 use biotissue::fem::boundary::{Conditions, LoadCurve, Pressure, SurfaceCondition};
 use biotissue::fem::element::ElementType;
 use biotissue::fem::equilibrium::EquilibriumError;
-use biotissue::fem::material::NeoHookean;
-use biotissue::fem::mesh::Mesh;
+use biotissue::fem::material::{Material, NeoHookean};
+use biotissue::fem::mesh::{Mesh, shapes};
 use biotissue::fem::point_field::FormulaField;
 use biotissue::fem::stepping::{RestoreError, StepParams, StepStart, Stepper, SteppingError};
 use biotissue::las::NewtonError;
@@ -59,6 +59,49 @@ fn multiplier_and_penalty_agree_with_two_constraints_and_in_any_mixture() {
     let (penalty, _) = run(vec![penalized(region("body")), penalized(inflated())]);
     assert_near(&exact, &mixed, 1e-6);
     assert_near(&exact, &penalty, 1e-6);
+}
+
+/// A shift by a power of two is exact, so that the body does not change at all, wherever it is.
+#[test]
+fn volumes_do_not_depend_on_the_distance_from_the_origin() {
+    let at = |shift: f64| {
+        let mesh = hollow_box(ElementType::Hex8);
+        let nodes = mesh.nodes().iter().map(|x| [x[0] + shift, x[1], x[2] - shift]).collect();
+        let (elements, regions) = (mesh.elements().clone(), mesh.regions().to_vec());
+        let mesh = Mesh::new(nodes, elements, mesh.region_of().to_vec(), regions, mesh.surfaces().to_vec()).unwrap();
+        let mut params = steps(2);
+        params.newton.tolerance = 1e-12;
+        let mut run = started(mesh, &sheared(vec![inflated()]), params);
+        run.run(&mut ()).unwrap_or_else(|error| panic!("{shift}: {error}"));
+        run.state().clone()
+    };
+    assert_eq!(at(0.0), at(1048576.0));
+}
+
+/// The forces of a soft region are small beside those of a stiff one, but its volume is still at its target.
+#[test]
+fn the_volume_of_a_soft_region_is_as_exact_as_that_of_a_stiff_one() {
+    let mesh = shapes::cuboid_of(ElementType::Hex8, [4, 2, 2], [2.0, 1.0, 1.0]).unwrap();
+    let region_of = (0..mesh.elements().len()).map(|element| u32::from(mesh.center(element)[0] > 1.0)).collect();
+    let (nodes, elements, surfaces) = (mesh.nodes().to_vec(), mesh.elements().clone(), mesh.surfaces().to_vec());
+    let mesh = Mesh::new(nodes, elements, region_of, vec!["soft".into(), "stiff".into()], surfaces).unwrap();
+    let materials: Vec<Box<dyn Material>> =
+        vec![Box::new(NeoHookean { mu: 3.0e3, lambda: 5.0e3 }), Box::new(NeoHookean { mu: 3.0e9, lambda: 5.0e9 })];
+    let field = FormulaField::new(materials, &mesh).unwrap();
+    // The ends of the stiff region are pulled apart.
+    let mut conditions = sheared(vec![driven(region("soft"), &[[0.0, 1.0], [1.0, 1.1]])]);
+    conditions.surfaces[0].surface = "y0".into();
+    conditions.surfaces[1] = SurfaceCondition {
+        surface: "y1".into(),
+        displacement: [Some(0.1), Some(0.3), Some(0.0)],
+        curve: LoadCurve::Ramp,
+    };
+    let mut params = steps(2);
+    params.newton.tolerance = 1e-6;
+    let mut run = Stepper::<Sparse, _>::new(&(), Arc::new(mesh), &conditions, field, params).unwrap();
+    run.run(&mut ()).unwrap();
+    let state = &run.state().volumes[0];
+    assert!((state.volume / state.target - 1.0).abs() < 1e-6, "{state:?}");
 }
 
 #[test]

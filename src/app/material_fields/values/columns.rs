@@ -94,7 +94,16 @@ impl Header {
         if !errors.is_empty() {
             return Err(InputErrors(errors));
         }
-        let element = names.iter().position(|cell| cell.eq_ignore_ascii_case(ELEMENT.as_bytes()));
+        let is_element = |cell: &[u8]| cell.eq_ignore_ascii_case(ELEMENT.as_bytes());
+        let is_repeated = |name: &&str| names.iter().filter(|cell| *cell == name.as_bytes()).count() > 1;
+        let several = names.iter().filter(|cell| is_element(cell)).count() > 1;
+        let repeated = columns.iter().map(String::as_str).find(is_repeated).or(several.then_some(ELEMENT));
+        if let Some(repeated) = repeated {
+            let problem = format!("two columns have the name \"{}\"", excerpt(repeated));
+            let cure = "rename or remove one of them";
+            return Err(InputError { line, ..InputError::in_file(file, problem, "names that differ", cure) }.into());
+        }
+        let element = names.iter().position(is_element);
         Ok(Self { element, columns: found.into_iter().flatten().collect() })
     }
 
