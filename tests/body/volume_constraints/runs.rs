@@ -6,7 +6,7 @@ use biotissue::backends::sparse::Sparse;
 use biotissue::fem::boundary::{Conditions, LoadCurve, Pressure, SurfaceCondition};
 use biotissue::fem::element::ElementType;
 use biotissue::fem::equilibrium::EquilibriumError;
-use biotissue::fem::material::{Material, NeoHookean};
+use biotissue::fem::material::{LinearElastic, Material, NeoHookean};
 use biotissue::fem::mesh::{Mesh, shapes};
 use biotissue::fem::point_field::FormulaField;
 use biotissue::fem::stepping::{RestoreError, StepParams, StepStart, Stepper, SteppingError};
@@ -78,7 +78,8 @@ fn volumes_do_not_depend_on_the_distance_from_the_origin() {
     assert_eq!(at(0.0), at(1048576.0));
 }
 
-/// The forces of a soft region are small beside those of a stiff one, but its volume is still at its target.
+/// The forces of a soft region are small beside those of a stiff one, which is linear and in equilibrium after one
+/// iteration; the volume of the soft one still reaches its target.
 #[test]
 fn the_volume_of_a_soft_region_is_as_exact_as_that_of_a_stiff_one() {
     let mesh = shapes::cuboid_of(ElementType::Hex8, [4, 2, 2], [2.0, 1.0, 1.0]).unwrap();
@@ -86,7 +87,7 @@ fn the_volume_of_a_soft_region_is_as_exact_as_that_of_a_stiff_one() {
     let (nodes, elements, surfaces) = (mesh.nodes().to_vec(), mesh.elements().clone(), mesh.surfaces().to_vec());
     let mesh = Mesh::new(nodes, elements, region_of, vec!["soft".into(), "stiff".into()], surfaces).unwrap();
     let materials: Vec<Box<dyn Material>> =
-        vec![Box::new(NeoHookean { mu: 3.0e3, lambda: 5.0e3 }), Box::new(NeoHookean { mu: 3.0e9, lambda: 5.0e9 })];
+        vec![Box::new(NeoHookean { mu: 3.0e3, lambda: 5.0e3 }), Box::new(LinearElastic { mu: 3.0e9, lambda: 5.0e9 })];
     let field = FormulaField::new(materials, &mesh).unwrap();
     // The ends of the stiff region are pulled apart.
     let mut conditions = sheared(vec![driven(region("soft"), &[[0.0, 1.0], [1.0, 1.1]])]);
@@ -96,7 +97,7 @@ fn the_volume_of_a_soft_region_is_as_exact_as_that_of_a_stiff_one() {
         displacement: [Some(0.1), Some(0.3), Some(0.0)],
         curve: LoadCurve::Ramp,
     };
-    let mut params = steps(2);
+    let mut params = steps(1);
     params.newton.tolerance = 1e-6;
     let mut run = Stepper::<Sparse, _>::new(&(), Arc::new(mesh), &conditions, field, params).unwrap();
     run.run(&mut ()).unwrap();
