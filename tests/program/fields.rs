@@ -1,7 +1,5 @@
 //! Cases with expressions, and with material parameters and axes that vary over the body.
 
-mod refused;
-
 use std::path::Path;
 
 use biotissue::app::results::Loads;
@@ -99,7 +97,7 @@ const IN_METERS: &str =
 
 /// Two hexahedra side by side along x with a modulus and an axis each; the faces at both ends are `surface_2` and
 /// `surface_3`.
-const CELLS: &str = r#"<?xml version="1.0"?>
+pub const CELLS: &str = r#"<?xml version="1.0"?>
 <VTKFile type="UnstructuredGrid" version="0.1" byte_order="LittleEndian">
 <UnstructuredGrid><Piece NumberOfPoints="12" NumberOfCells="4">
 <Points><DataArray type="Float64" NumberOfComponents="3" format="ascii">

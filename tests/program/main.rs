@@ -13,6 +13,7 @@ mod loads;
 mod messages;
 mod outputs;
 mod ranks;
+mod recorded_errors;
 mod run;
 mod rve;
 #[path = "../support/skip.rs"]

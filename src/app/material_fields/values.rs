@@ -183,7 +183,8 @@ fn cells<const N: usize>(body: &Body<'_>, file: &Path, array: &str) -> Result<El
     let invalid = |problem, expected: String, cure: &str| InputError::at_line(file, read.line, problem, expected, cure);
     if read.components != N {
         let s = if N == 1 { "" } else { "s" };
-        let problem = format!("the array {name} has {} components", read.components);
+        let plural = if read.components == 1 { "" } else { "s" };
+        let problem = format!("the array {name} has {} component{plural}", read.components);
         return Err(invalid(problem, format!("{N} component{s} per cell"), "name another array"));
     }
     let values = read.values.as_chunks::<N>().0.to_vec();

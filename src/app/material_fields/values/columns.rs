@@ -49,7 +49,8 @@ pub(super) fn parse<const N: usize>(
         }
     }
     if errors.is_empty() && header.element.is_none() && rows.len() != total {
-        let problem = format!("the file has {} rows of values; the mesh has {total} elements", rows.len());
+        let row = if rows.len() == 1 { "row" } else { "rows" };
+        let problem = format!("the file has {} {row} of values; the mesh has {total} elements", rows.len());
         let cure = "add the missing rows, or a column `element` with the number of each element, from 0";
         errors.push(InputError::in_file(file, problem, "one row for each element of the mesh", cure));
     }
@@ -134,10 +135,15 @@ impl Header {
         (number, total): (usize, usize),
         lines: &[usize],
     ) -> Result<(usize, [f64; N]), [String; 2]> {
-        let cell = |column: usize| record.get(column).map(String::from_utf8_lossy);
-        let shown = |column: usize| cell(column).map_or("nothing".into(), |cell| format!("`{}`", excerpt(&cell)));
+        let last = self.columns.iter().copied().chain(self.element).max().unwrap_or_default();
+        if record.len() <= last {
+            let problem = format!("the row ends after column {}; column {} is needed", record.len(), last + 1);
+            return Err([problem, "a cell for each column of the first row".to_owned()]);
+        }
+        let cell = |column: usize| String::from_utf8_lossy(&record[column]);
+        let shown = |column: usize| format!("`{}`", excerpt(&cell(column)));
         let element = match self.element {
-            Some(column) => cell(column).and_then(|cell| cell.parse().ok()).ok_or_else(|| {
+            Some(column) => cell(column).parse().map_err(|_| {
                 [format!("the element is {}", shown(column)), "the number of an element, from 0".to_owned()]
             })?,
             None => number,
@@ -153,8 +159,8 @@ impl Header {
         let mut values = [f64::NAN; N];
         for (value, &column) in values.iter_mut().zip(&self.columns) {
             *value = cell(column)
-                .and_then(|cell| cell.parse().ok())
-                .ok_or_else(|| [format!("{} is not a number", shown(column)), "a number in each column".to_owned()])?;
+                .parse()
+                .map_err(|_| [format!("{} is not a number", shown(column)), "a number in each column".to_owned()])?;
         }
         Ok((element, values))
     }
