@@ -38,11 +38,11 @@ count = 3
     )
 }
 
-fn formula(method: &str, newton: &str) -> String {
+pub fn formula(method: &str, newton: &str) -> String {
     case(&format!("{{ {CONSTANTS} }}"), method, newton)
 }
 
-fn with_mesh() -> tempfile::TempDir {
+pub fn with_mesh() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     gmsh::write(&folder.path().join("hollow.msh"), &hollow_box(ElementType::Hex8)).unwrap();
     folder

@@ -106,6 +106,24 @@ pub fn assert_results_do_not_depend_on_ranks(run_on: impl Fn(&Path, usize, &str)
     }
 }
 
+/// Runs every body in one process, then with `run_on` on the body's ranks of another backend, which assembles and solves in
+/// parts; `compare` gets the loads of the latter and of the former.
+#[cfg(feature = "petsc")]
+pub fn compare_loads_on_ranks(run_on: impl Fn(&Path, usize, &str), compare: impl Fn(&str, &str)) {
+    for (_, mesh, has_f_bar) in bodies() {
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path();
+        let read = |file: &str| std::fs::read_to_string(folder.join(file)).unwrap();
+        gmsh::write(&folder.join("body.msh"), &mesh).unwrap();
+        let text = |ranks| text(has_f_bar, ranks) + "[newton]\ntolerance = 1e-12\n";
+        std::fs::write(folder.join("case.toml"), text((1, 0))).unwrap();
+        line(folder, "run case.toml --backend sparse --out alone").done();
+        std::fs::write(folder.join("case.toml"), text((3, 1))).unwrap();
+        run_on(folder, 4, "run case.toml --backend petsc --out shared");
+        compare(&read("shared/loads.csv"), &read("alone/loads.csv"));
+    }
+}
+
 #[test]
 fn results_do_not_depend_on_ranks_for_any_element_type() {
     assert_results_do_not_depend_on_ranks(|folder, _, arguments| {

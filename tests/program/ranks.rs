@@ -527,6 +527,21 @@ mod processes {
         assert_same_to_rounding(&read(folder.path(), "shared/loads.csv"), &alone);
     }
 
+    /// Elements of every type, patches of the F-bar method and the faces of follower pressures and of cavities are
+    /// assembled in parts.
+    #[cfg(feature = "petsc")]
+    #[test]
+    fn bodies_of_any_element_type_are_the_same_on_petsc() {
+        let _turn = one_at_a_time();
+        crate::element_ranks::compare_loads_on_ranks(mpirun_done, assert_same_to_rounding);
+        let folder = crate::constraints::with_mesh();
+        let text = crate::constraints::formula("", "tolerance = 1e-12");
+        run(folder.path(), &text, "--out alone --backend sparse").done();
+        write_case(folder.path(), "case.toml", &with_scales(&text, (3, 1)));
+        mpirun_done(folder.path(), 4, "run case.toml --backend petsc --out shared");
+        assert_same_to_rounding(&read(folder.path(), "shared/loads.csv"), &read(folder.path(), "alone/loads.csv"));
+    }
+
     /// Rows of rigid surfaces and of nodes with frames are distributed like the others.
     #[cfg(feature = "petsc")]
     #[test]
