@@ -105,6 +105,8 @@ fn a_twisted_bar_does_not_depend_on_ranks_rves_or_interruptions() {
         );
         run_every_way(folder, 4, |material| twisted(material, &mesh));
         line(folder, "report parts").done();
+        let page = std::fs::read_to_string(folder.join("parts/report.html")).unwrap();
+        assert!(page.contains("moment in N m") && page.contains("size of the force in N"), "{element}");
         let found = loads(folder, "formula");
         assert_eq!(found.names.rigid, ["x1"]);
         let last = &found.rows[3];

@@ -2,6 +2,8 @@
 
 use super::Run;
 use super::charts::{Labels, Line, extension_and_iterations, lines, logarithmic, stacked_bars};
+use crate::app::report::units::prefix;
+use crate::app::results::loads::LoadRow;
 use crate::app::results::log::{NewtonSeconds, RveLog};
 
 /// The caption and the SVG text of a chart.
@@ -9,7 +11,64 @@ type Figure = (String, String);
 
 /// Draws all charts.
 pub(super) fn all(run: &Run) -> impl Iterator<Item = Figure> {
-    [force(run), extension(run), seconds(run), rves(run), convergence(run)].into_iter().flatten()
+    let loads = [force(run), forces_over_time(run), moments(run), pressures(run)];
+    let cost = [extension(run), seconds(run), rves(run), convergence(run)];
+    loads.into_iter().chain(cost).flatten()
+}
+
+/// Returns a chart over pseudo-time of the series of numbers in the rows of loads whose largest value exceeds one
+/// thousandth of that of all; `None` if all are zero. `quantity` is their name and `unit` their unit.
+fn over_time(
+    run: &Run,
+    series: impl Iterator<Item = (String, impl Fn(&LoadRow) -> Option<f64>)>,
+    (chart, quantity, unit): (&'static str, &str, &str),
+) -> Option<String> {
+    let points = |value: &dyn Fn(&LoadRow) -> Option<f64>| -> Vec<(f64, f64)> {
+        let rows = run.increments.iter().filter_map(|increment| Some((increment.t, increment.row?)));
+        std::iter::once((0.0, 0.0)).chain(rows.filter_map(|(t, row)| Some((t, value(row)?)))).collect()
+    };
+    let mut lines_of: Vec<Line> = series.map(|(name, value)| Line { name, points: points(&value) }).collect();
+    let most = |line: &Line| line.points.iter().map(|(_, y)| y.abs()).fold(0.0, f64::max);
+    let largest = lines_of.iter().map(most).fold(0.0, f64::max);
+    lines_of.retain(|line| most(line) > 1e-3 * largest);
+    let (power, prefix) = prefix(largest);
+    lines_of.iter_mut().flat_map(|line| &mut line.points).for_each(|(_, y)| *y /= power);
+    let y = format!("{quantity} in {prefix}{unit}");
+    (!lines_of.is_empty()).then(|| lines(Labels { chart, x: "pseudo-time t", y: &y }, &lines_of))
+}
+
+/// The forces of a body that is not pulled.
+fn forces_over_time(run: &Run) -> Option<Figure> {
+    let names = &run.directory.loads.as_ref().filter(|_| run.extension.is_none())?.names;
+    let size = |k: usize| {
+        move |row: &LoadRow| Some(row.surfaces.get(k)?.force.iter().map(|part| part * part).sum::<f64>().sqrt())
+    };
+    let series = names.surfaces.iter().enumerate().map(|(k, name)| (name.clone(), size(k)));
+    let chart = over_time(run, series, ("force over time", "size of the force", "N"))?;
+    Some(("Size of the force on the body through each loaded surface".into(), chart))
+}
+
+fn moments(run: &Run) -> Option<Figure> {
+    let names = &run.directory.loads.as_ref()?.names;
+    let component = |k: usize, axis: usize| move |row: &LoadRow| Some(row.rigid.get(k)?.moment[axis]);
+    let series = names.rigid.iter().enumerate().flat_map(|(k, name)| {
+        ["x", "y", "z"]
+            .into_iter()
+            .enumerate()
+            .map(move |(axis, of)| (format!("{name}, about {of}"), component(k, axis)))
+    });
+    let chart = over_time(run, series, ("moment over time", "moment", "N m"))?;
+    Some(("Moment on the body through each rigid surface, about its displaced reference point".into(), chart))
+}
+
+fn pressures(run: &Run) -> Option<Figure> {
+    let names = &run.directory.loads.as_ref()?.names;
+    let pressure = |k: usize| move |row: &LoadRow| row.pressures.get(k).copied();
+    let series = names.constraints.iter().enumerate().map(|(k, name)| (name.clone(), pressure(k)));
+    let chart = over_time(run, series, ("pressure over time", "pressure", "Pa"))?;
+    let caption =
+        "Pressure of each volume constraint; positive if it presses on the wall of a cavity or expands a region";
+    Some((caption.into(), chart))
 }
 
 /// Returns the pairs of increment number, which starts at 1, and `value`, without the increments that have no value.
