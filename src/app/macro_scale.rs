@@ -170,10 +170,15 @@ fn located(case: &Case, error: &BoundaryError) -> InputErrors {
             BoundaryError::UnknownRegion { .. } => {
                 (None, "a region of the mesh".into(), "choose one of these, or name it in the mesh as a physical group")
             }
-            BoundaryError::NotPlanar { surface, .. } => (
+            BoundaryError::OppositeSides { surface } => (
                 line_of(case, &format!("surface `{surface}`")),
                 "a plane surface, of any orientation".into(),
                 "name each plane of the surface as a physical group of its own",
+            ),
+            BoundaryError::NotPlanar { surface, .. } => (
+                line_of(case, &format!("surface `{surface}`")),
+                "a plane surface, of any orientation, up to the rounding of coordinates to 6 digits".into(),
+                "name each plane of the surface as a physical group of its own; if it is one plane, place its nodes more exactly",
             ),
             BoundaryError::PlaneConflict { other, .. } => (
                 line_of(case, other),

@@ -35,7 +35,10 @@ fn solved(mesh: Mesh, conditions: &Conditions, count: usize) -> Body {
 }
 
 fn turned(mesh: &Mesh, by: &Rotation3<f64>) -> Mesh {
-    let nodes = mesh.nodes().iter().map(|&x| (by * Vector3::from(x)).into()).collect();
+    with_nodes(mesh, mesh.nodes().iter().map(|&x| (by * Vector3::from(x)).into()).collect())
+}
+
+fn with_nodes(mesh: &Mesh, nodes: Vec<[f64; 3]>) -> Mesh {
     let (elements, regions) = (mesh.elements().clone(), mesh.regions().to_vec());
     Mesh::new(nodes, elements, mesh.region_of().to_vec(), regions, mesh.surfaces().to_vec()).unwrap()
 }
@@ -72,6 +75,34 @@ fn planes_of_symmetry_may_have_any_orientation() {
             assert!(difference.norm() < 1e-7, "{element_type:?} {}: {:?} {:?}", one.name, one.force, other.force);
         }
         assert!(Vector3::from(inclined.forces().sum()).norm() < 1e-7);
+    }
+}
+
+/// Positions with the 6 digits that some mesh generators write, or in single precision, change the displacements by no
+/// more than that.
+#[test]
+fn planes_of_symmetry_tolerate_rounded_coordinates() {
+    let frame = Rotation3::from_axis_angle(&Vector3::z_axis(), PI / 6.0);
+    let pull = frame * Vector3::new(2.0e3, 0.0, 0.0);
+    let pulled = |rounded: &dyn Fn(f64) -> f64| {
+        let exact = turned(&shapes::cuboid([4, 4, 4], [1.0; 3]).unwrap(), &frame);
+        let nodes = exact.nodes().iter().map(|x| x.map(rounded)).collect();
+        let conditions = Conditions {
+            symmetry_planes: ["x0", "y0", "z0"].map(str::to_owned).to_vec(),
+            loads: vec![traction("x1", pull.into())],
+            ..Conditions::default()
+        };
+        solved(with_nodes(&exact, nodes), &conditions, 1)
+    };
+    let exact = pulled(&|x| x);
+    let six_digits = |x: f64| format!("{:.5e}", x + 5.0).parse::<f64>().unwrap();
+    for (rounded, accuracy) in [(&six_digits as &dyn Fn(f64) -> f64, 1e-4), (&|x| f64::from(x as f32), 1e-6)] {
+        let body = pulled(rounded);
+        assert_eq!(exact.unknowns(), body.unknowns());
+        for (one, other) in exact.state().displacements.iter().zip(&body.state().displacements) {
+            let difference = (Vector3::from(*one) - Vector3::from(*other)).norm();
+            assert!(difference < accuracy, "{difference:e}");
+        }
     }
 }
 

@@ -1,5 +1,9 @@
 //! Runs with every kind of load: pressure, elastic foundation, forces on nodes; adaptive increments.
 
+use std::path::Path;
+
+use biotissue::fem::mesh::{Mesh, gmsh, shapes};
+
 use crate::line;
 use crate::variants::{CONSTANTS, loads, logged_steps, run_every_way};
 
@@ -186,6 +190,7 @@ fn loads_that_balance_only_at_rest_end_the_run() {
 #[test]
 fn contradictory_planes_and_rigid_surfaces_are_reported_with_line_and_cure() {
     let folder = tempfile::tempdir().unwrap();
+    write_bent_box(&folder.path().join("bent.msh"));
     let head = format!("[[region]]\nname = \"*\"\nmaterial = {{ {CONSTANTS} }}\n");
     let tube =
         "[mesh]\ngenerate = { shape = \"tube\", cells = [1, 8, 1], inner_radius = 1, outer_radius = 2, length = 1 }\n";
@@ -198,6 +203,14 @@ fn contradictory_planes_and_rigid_surfaces_are_reported_with_line_and_cure() {
             "case.toml:6: surface `inner` is not one plane: its faces point to opposite sides\n  \
              expected: a plane surface, of any orientation\n  \
              cure: name each plane of the surface as a physical group of its own\n",
+        ),
+        (
+            "[mesh]\nfile = \"bent.msh\"\n",
+            boundary("z1", "symmetry = true"),
+            "case.toml:6: surface `z1` is not one plane: a node is 7.500e-3 m away from the mean plane, and the surface extends over \
+             1.414e0 m\n  \
+             expected: a plane surface, of any orientation, up to the rounding of coordinates to 6 digits\n  \
+             cure: name each plane of the surface as a physical group of its own; if it is one plane, place its nodes more exactly\n",
         ),
         (
             block,
@@ -229,4 +242,14 @@ fn contradictory_planes_and_rigid_surfaces_are_reported_with_line_and_cure() {
         let message = checked.failed(2);
         assert!(message.contains(expected), "{message}\nexpected:\n{expected}");
     }
+}
+
+/// Writes a box whose upper side bulges.
+fn write_bent_box(path: &Path) {
+    let mesh = shapes::cuboid([2, 2, 2], [1.0; 3]).unwrap();
+    let bent = |&[x, y, z]: &[f64; 3]| [x, y, if [x, y, z] == [0.5, 0.5, 1.0] { 1.01 } else { z }];
+    let nodes = mesh.nodes().iter().map(bent).collect();
+    let (elements, regions) = (mesh.elements().clone(), mesh.regions().to_vec());
+    let mesh = Mesh::new(nodes, elements, mesh.region_of().to_vec(), regions, mesh.surfaces().to_vec()).unwrap();
+    gmsh::write(path, &mesh).unwrap();
 }

@@ -20,6 +20,7 @@ mod dead;
 mod error;
 mod foundation;
 mod load;
+mod plane;
 mod point_load;
 mod prescribed;
 mod pressure;

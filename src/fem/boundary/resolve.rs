@@ -2,9 +2,10 @@
 
 use std::collections::BTreeMap;
 
+use super::plane::Plane;
 use super::prescribed::PrescribedCollector;
 use super::rigid::ResolvedRigid;
-use super::skew::{GivenDirection, plane_normal};
+use super::skew::GivenDirection;
 use super::{BoundaryError, CoupledNodes, LoadCurve, RigidCondition, Source, find_surface};
 use crate::fem::mesh::Mesh;
 
@@ -16,16 +17,17 @@ pub(super) fn symmetry_planes(
     prescribed: &mut PrescribedCollector<'_>,
 ) -> Result<BTreeMap<u32, Vec<GivenDirection>>, BoundaryError> {
     let mut of_nodes: BTreeMap<u32, Vec<GivenDirection>> = BTreeMap::new();
-    for name in names {
-        let (number, surface) = find_surface(mesh, name)?;
-        let (normal, source) = (plane_normal(mesh, surface)?, Source::Surface(number));
-        let nodes = surface.nodes();
+    let planes = names.iter().map(|name| Plane::new(mesh, find_surface(mesh, name)?.0));
+    let planes = planes.collect::<Result<Vec<_>, _>>()?;
+    for plane in &planes {
+        let (normal, source) = (plane.common_normal(mesh, &planes), Source::Surface(plane.surface));
+        // A greater angle than `sqrt(2 EPSILON)`, the rounding error of a normal, makes the plane an inclined one.
         if let Some(component) = (0..3).find(|&k| normal[k].abs() > 1.0 - f64::EPSILON) {
             let held = std::array::from_fn(|k| (k == component).then_some(0.0));
-            prescribed.add(&nodes, &held, &LoadCurve::Ramp, source)?;
+            prescribed.add(&plane.nodes, &held, &LoadCurve::Ramp, source)?;
             continue;
         }
-        for node in nodes {
+        for &node in &plane.nodes {
             of_nodes.entry(node).or_default().push(GivenDirection { source, along: normal, component: None });
         }
     }
