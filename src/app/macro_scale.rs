@@ -188,9 +188,11 @@ fn located(case: &Case, error: &BoundaryError) -> InputErrors {
             BoundaryError::RigidConflict { rigid, .. } => (
                 line_of(case, rigid),
                 "nodes whose other conditions hold only components that the rigid surface holds: displacement 0 along them, and \
-                 rotation 0 about the other two axes"
+                 rotation 0 about the other two axes; or inclined planes of symmetry in which it moves: no displacement along the \
+                 normal, and rotation about the normal only"
                     .into(),
-                "prescribe these components of `rigid`, or leave the nodes out of one of the two surfaces",
+                "prescribe these components of `rigid` (in an inclined plane with at least 5 digits, or as expressions: \
+                 \"0.1*cos(pi/6)\"), or leave the nodes out of one of the two surfaces",
             ),
             BoundaryError::RotationTooLarge { surface, .. } => (
                 line_of(case, &format!("surface `{surface}`")),

@@ -48,20 +48,19 @@ pub(super) fn rigid_surfaces(
     let mut all = Vec::with_capacity(conditions.len());
     for condition in conditions {
         let rigid = condition.resolve(mesh)?;
-        let number = rigid.surface.surface;
+        let (number, motions) = (rigid.surface.surface, rigid.compared_motions());
         for &node in &rigid.surface.nodes {
             let conflict_in = |what: &str, other: Source| BoundaryError::RigidConflict {
                 node: node as usize,
                 rigid: Source::Surface(number).describe(mesh),
                 other: other.describe(mesh) + what,
             };
-            let conflict = |other| conflict_in("", other);
             if let Some(other) = owner.insert(node, number) {
-                return Err(conflict(Source::Surface(other)));
+                return Err(conflict_in("", Source::Surface(other)));
             }
             let of_node = planes.remove(&node).unwrap_or_default();
-            if let Some(plane) = of_node.iter().find(|plane| !rigid.holds_along(&plane.along)) {
-                return Err(conflict(plane.source));
+            if let Some(plane) = of_node.iter().find(|plane| !rigid.stays_in_plane(&plane.along, &motions)) {
+                return Err(conflict_in(", a symmetry plane that it may leave", plane.source));
             }
             if let Some(other) = prescribed.take(node).iter().find(|component| !rigid.agrees_with(component)) {
                 let component = ["x", "y", "z"][usize::from(other.component)];
