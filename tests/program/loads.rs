@@ -195,6 +195,7 @@ fn contradictory_planes_and_rigid_surfaces_are_reported_with_line_and_cure() {
     let tube =
         "[mesh]\ngenerate = { shape = \"tube\", cells = [1, 8, 1], inner_radius = 1, outer_radius = 2, length = 1 }\n";
     let block = "[mesh]\ngenerate = { shape = \"box\", cells = [1, 1, 1], size = [1, 1, 1] }\n";
+    let held = &format!("{block}[body]\nfree = \"rigid\"\n");
     let boundary = |surface: &str, load: &str| format!("[[boundary]]\nsurface = \"{surface}\"\n{load}\n");
     let cases = [
         (
@@ -236,6 +237,15 @@ fn contradictory_planes_and_rigid_surfaces_are_reported_with_line_and_cure() {
              rotations about all axes coincide\n  \
              expected: a rotation below 2 pi rad, or all three components prescribed\n  \
              cure: prescribe all components of `rotation`, such as 0.0 for the others\n",
+        ),
+        (
+            held,
+            boundary("x0", "rigid = { displacement = { x = 0.0, y = 0.0 }, rotation = { x = 0.0, y = 0.0, z = 0.0 } }")
+                + &boundary("x1", "rigid = {}"),
+            "case.toml: the body is free to move along z\n  \
+             expected: prescribed displacements that prevent rigid-body motions of every connected part of the body\n  \
+             cure: `free = \"rigid\"` adds no supports to nodes of rigid surfaces and of inclined planes of symmetry: hold the \
+             motion that is named by a component of `rigid`, a [[boundary]] or a [[point]]\n",
         ),
     ];
     for (mesh, boundaries, expected) in cases {
