@@ -172,10 +172,15 @@ fn located(case: &Case, error: &BoundaryError) -> InputErrors {
             BoundaryError::UnknownRegion { .. } => {
                 (None, "a region of the mesh".into(), "choose one of these, or name it in the mesh as a physical group")
             }
-            BoundaryError::NotPlanar { surface, .. } => (
+            BoundaryError::OppositeSides { surface } => (
                 line_of(case, &format!("surface `{surface}`")),
                 "a plane surface, of any orientation".into(),
                 "name each plane of the surface as a physical group of its own",
+            ),
+            BoundaryError::NotPlanar { surface, .. } => (
+                line_of(case, &format!("surface `{surface}`")),
+                "a plane surface, of any orientation, up to the rounding of coordinates to 6 digits".into(),
+                "name each plane of the surface as a physical group of its own; if it is one plane, place its nodes more exactly",
             ),
             BoundaryError::PlaneConflict { other, .. } => (
                 line_of(case, other),
@@ -188,6 +193,13 @@ fn located(case: &Case, error: &BoundaryError) -> InputErrors {
                  rotation 0 about the other two axes"
                     .into(),
                 "prescribe these components of `rigid`, or leave the nodes out of one of the two surfaces",
+            ),
+            BoundaryError::LeavesPlane { rigid, .. } => (
+                line_of(case, rigid),
+                "a rigid surface that stays in the plane: no displacement along its normal, and no rotation but about the normal"
+                    .into(),
+                "prescribe the components of `rigid` that leave the plane, with at least 5 digits or as expressions such as \
+                 \"0.1*cos(pi/6)\", or leave the nodes out of one of the two surfaces",
             ),
             BoundaryError::RotationTooLarge { surface, .. } => (
                 line_of(case, &format!("surface `{surface}`")),

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use biotissue::backends::sparse::Sparse;
 use biotissue::fem::boundary::{
-    BoundaryError, Conditions, LoadCurve, PointCondition, PointLoad, PointLocation, Pressure, RigidCondition,
+    Boundary, BoundaryError, Conditions, LoadCurve, PointCondition, PointLoad, PointLocation, Pressure, RigidCondition,
     SurfaceCondition, TimedValue, Traction,
 };
 use biotissue::fem::element::ElementType;
@@ -35,7 +35,10 @@ fn solved(mesh: Mesh, conditions: &Conditions, count: usize) -> Body {
 }
 
 fn turned(mesh: &Mesh, by: &Rotation3<f64>) -> Mesh {
-    let nodes = mesh.nodes().iter().map(|&x| (by * Vector3::from(x)).into()).collect();
+    with_nodes(mesh, mesh.nodes().iter().map(|&x| (by * Vector3::from(x)).into()).collect())
+}
+
+fn with_nodes(mesh: &Mesh, nodes: Vec<[f64; 3]>) -> Mesh {
     let (elements, regions) = (mesh.elements().clone(), mesh.regions().to_vec());
     Mesh::new(nodes, elements, mesh.region_of().to_vec(), regions, mesh.surfaces().to_vec()).unwrap()
 }
@@ -72,6 +75,34 @@ fn planes_of_symmetry_may_have_any_orientation() {
             assert!(difference.norm() < 1e-7, "{element_type:?} {}: {:?} {:?}", one.name, one.force, other.force);
         }
         assert!(Vector3::from(inclined.forces().sum()).norm() < 1e-7);
+    }
+}
+
+/// Positions with the 6 digits that some mesh generators write, or in single precision, change the displacements by no
+/// more than that.
+#[test]
+fn planes_of_symmetry_tolerate_rounded_coordinates() {
+    let frame = Rotation3::from_axis_angle(&Vector3::z_axis(), PI / 6.0);
+    let pull = frame * Vector3::new(2.0e3, 0.0, 0.0);
+    let pulled = |rounded: &dyn Fn(f64) -> f64| {
+        let exact = turned(&shapes::cuboid([4, 4, 4], [1.0; 3]).unwrap(), &frame);
+        let nodes = exact.nodes().iter().map(|x| x.map(rounded)).collect();
+        let conditions = Conditions {
+            symmetry_planes: ["x0", "y0", "z0"].map(str::to_owned).to_vec(),
+            loads: vec![traction("x1", pull.into())],
+            ..Conditions::default()
+        };
+        solved(with_nodes(&exact, nodes), &conditions, 1)
+    };
+    let exact = pulled(&|x| x);
+    let six_digits = |x: f64| format!("{:.5e}", x + 5.0).parse::<f64>().unwrap();
+    for (rounded, accuracy) in [(&six_digits as &dyn Fn(f64) -> f64, 1e-4), (&|x| f64::from(x as f32), 1e-6)] {
+        let body = pulled(rounded);
+        assert_eq!(exact.unknowns(), body.unknowns());
+        for (one, other) in exact.state().displacements.iter().zip(&body.state().displacements) {
+            let difference = (Vector3::from(*one) - Vector3::from(*other)).norm();
+            assert!(difference < accuracy, "{difference:e}");
+        }
     }
 }
 
@@ -333,11 +364,72 @@ fn a_rigid_surface_may_share_nodes_with_an_inclined_plane_that_it_keeps() {
     assert!(Vector3::from(body.forces().sum()).norm() < 1e-7);
     assert!(body.forces().surfaces[1].force[0] > 1.0);
     let error = setup(mesh.clone(), &pulled([Some(0.0), None, Some(0.0)]), 1).err().unwrap().to_string();
-    assert!(error.contains("belongs to the rigid surface `x1`, but also to surface"), "{error}");
+    assert!(error.contains("belongs to the rigid surface `x1`, which may leave the plane"), "{error}");
     let spun =
         Conditions { symmetry_planes: Vec::new(), surfaces: vec![clamp("x0")], ..pulled([Some(6.3), None, None]) };
     let error = setup(mesh, &spun, 1).err().unwrap().to_string();
     assert!(error.starts_with("surface `x1` is turned by 6.3000 rad while a component"), "{error}");
+}
+
+/// A grip that moves within an inclined plane of symmetry and turns about its normal exerts the force and moment of the grip
+/// of the body that is not rotated.
+#[test]
+fn a_rigid_surface_may_move_within_an_inclined_plane() {
+    let frame = Rotation3::from_axis_angle(&Vector3::z_axis(), PI / 6.0);
+    let mesh = shapes::cuboid_of(ElementType::Hex8, [3, 2, 2], [1.0, 0.7, 0.5]).unwrap();
+    let plane = vec!["y0".to_owned()];
+    let curve = LoadCurve::table(&[[0.0, 0.0], [0.3, 1.0], [1.0, 0.5]]).unwrap();
+    let held = [Some(0.0); 3];
+    let cases = [
+        (Some(0.0), Vector3::zeros(), vec!["y0", "z0"]),
+        (None, Vector3::zeros(), vec!["y0"]),
+        (Some(0.02), Vector3::new(0.0, 0.3, 0.0), vec!["y0"]),
+    ];
+    for (z, rotation, planes) in cases {
+        let pulled = |by: &Rotation3<f64>| {
+            let [x, y, _] = <[f64; 3]>::from(by * Vector3::new(0.1, 0.0, 0.0));
+            let mut grip = rigid("x1", [Some(x), Some(y), z], <[f64; 3]>::from(by * rotation).map(Some));
+            grip.displacement.iter_mut().flatten().for_each(|value| value.curve = curve.clone());
+            let conditions = Conditions {
+                symmetry_planes: planes.iter().map(|&name| name.to_owned()).collect(),
+                surfaces: vec![clamp("x0")],
+                rigid: vec![grip],
+                ..Conditions::default()
+            };
+            solved(turned(&mesh, by), &conditions, 2)
+        };
+        let (straight, inclined) = (pulled(&Rotation3::identity()), pulled(&frame));
+        let [one, other] = [&straight, &inclined].map(|body| body.forces().surfaces[1].force).map(Vector3::from);
+        assert!(one.norm() > 10.0 && (frame * one - other).norm() < 1e-9 * one.norm(), "{one} {other}");
+        let [one, other] = [&straight, &inclined].map(|body| body.forces().rigid[0].moment).map(Vector3::from);
+        assert!(one.norm() > 1.0 && (frame * one - other).norm() < 1e-9 * one.norm(), "{one} {other}");
+    }
+    let mesh = turned(&mesh, &frame);
+    let resolved = |grip: RigidCondition| {
+        let conditions = Conditions {
+            symmetry_planes: plane.clone(),
+            surfaces: vec![clamp("x0")],
+            rigid: vec![grip],
+            ..Conditions::default()
+        };
+        Boundary::new(&mesh, &conditions).map(|_| ()).map_err(|error| error.to_string())
+    };
+    // Four digits, and a rotation vector that is parallel to the normal up to rounding.
+    assert_eq!(resolved(rigid("x1", [Some(0.0866), Some(0.05), None], held)), Ok(()));
+    assert_eq!(resolved(rigid("x1", held, [Some(-0.1), Some(0.173_205), Some(0.0)])), Ok(()));
+    let mut apart = rigid("x1", [Some(0.086_602_54), Some(0.05), Some(0.0)], held);
+    apart.displacement[0].as_mut().unwrap().curve = curve;
+    let leaving = [
+        apart,
+        rigid("x1", [Some(0.087), Some(0.05), Some(0.0)], held),
+        rigid("x1", [None, Some(0.0), Some(0.0)], held),
+        rigid("x1", held, [Some(0.0), Some(0.0), Some(0.1)]),
+        rigid("x1", held, [None, Some(0.0), Some(0.0)]),
+    ];
+    let expected = "node 3 belongs to the rigid surface `x1`, which may leave the plane of symmetry of surface `y0`";
+    for grip in leaving {
+        assert_eq!(resolved(grip.clone()), Err(expected.to_owned()), "{grip:?}");
+    }
 }
 
 /// A box under pressure from all sides and a box pulled at both ends need no supports; those that are added exert no

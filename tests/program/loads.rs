@@ -1,5 +1,9 @@
 //! Runs with every kind of load: pressure, elastic foundation, forces on nodes; adaptive increments.
 
+use std::path::Path;
+
+use biotissue::fem::mesh::{Mesh, gmsh, shapes};
+
 use crate::line;
 use crate::variants::{CONSTANTS, loads, logged_steps, run_every_way};
 
@@ -188,10 +192,12 @@ fn loads_that_balance_only_at_rest_end_the_run() {
 #[test]
 fn contradictory_planes_and_rigid_surfaces_are_reported_with_line_and_cure() {
     let folder = tempfile::tempdir().unwrap();
+    write_bent_box(&folder.path().join("bent.msh"));
     let head = format!("[[region]]\nname = \"*\"\nmaterial = {{ {CONSTANTS} }}\n");
     let tube =
         "[mesh]\ngenerate = { shape = \"tube\", cells = [1, 8, 1], inner_radius = 1, outer_radius = 2, length = 1 }\n";
     let block = "[mesh]\ngenerate = { shape = \"box\", cells = [1, 1, 1], size = [1, 1, 1] }\n";
+    let held = &format!("{block}[body]\nfree = \"rigid\"\n");
     let boundary = |surface: &str, load: &str| format!("[[boundary]]\nsurface = \"{surface}\"\n{load}\n");
     let cases = [
         (
@@ -200,6 +206,14 @@ fn contradictory_planes_and_rigid_surfaces_are_reported_with_line_and_cure() {
             "case.toml:6: surface `inner` is not one plane: its faces point to opposite sides\n  \
              expected: a plane surface, of any orientation\n  \
              cure: name each plane of the surface as a physical group of its own\n",
+        ),
+        (
+            "[mesh]\nfile = \"bent.msh\"\n",
+            boundary("z1", "symmetry = true"),
+            "case.toml:6: surface `z1` is not one plane: a node is 7.500e-3 m away from the mean plane, and the surface extends over \
+             1.414e0 m\n  \
+             expected: a plane surface, of any orientation, up to the rounding of coordinates to 6 digits\n  \
+             cure: name each plane of the surface as a physical group of its own; if it is one plane, place its nodes more exactly\n",
         ),
         (
             block,
@@ -213,8 +227,10 @@ fn contradictory_planes_and_rigid_surfaces_are_reported_with_line_and_cure() {
             boundary("x1", "rigid = { displacement = { x = 0.1 } }") + &boundary("y0", "displacement = { y = 0.0 }"),
             "case.toml:6: node 1 belongs to the rigid surface `x1`, but also to surface `y0`, which prescribes its y-displacement\n  \
              expected: nodes whose other conditions hold only components that the rigid surface holds: displacement 0 along \
-             them, and rotation 0 about the other two axes\n  \
-             cure: prescribe these components of `rigid`, or leave the nodes out of one of the two surfaces\n",
+             them, and rotation 0 about the other two axes; or inclined planes of symmetry in which it moves: no displacement \
+             along the normal, and rotation about the normal only\n  \
+             cure: prescribe these components of `rigid` (in an inclined plane with at least 5 digits, or as expressions: \
+             \"0.1*cos(pi/6)\"), or leave the nodes out of one of the two surfaces\n",
         ),
         (
             block,
@@ -224,6 +240,15 @@ fn contradictory_planes_and_rigid_surfaces_are_reported_with_line_and_cure() {
              expected: a rotation below 2 pi rad, or all three components prescribed\n  \
              cure: prescribe all components of `rotation`, such as 0.0 for the others\n",
         ),
+        (
+            held,
+            boundary("x0", "rigid = { displacement = { x = 0.0, y = 0.0 }, rotation = { x = 0.0, y = 0.0, z = 0.0 } }")
+                + &boundary("x1", "rigid = {}"),
+            "case.toml: the body is free to move along z\n  \
+             expected: prescribed displacements that prevent rigid-body motions of every connected part of the body\n  \
+             cure: `free = \"rigid\"` adds no supports to nodes of rigid surfaces and of inclined planes of symmetry: hold the \
+             motion that is named by a component of `rigid`, a [[boundary]] or a [[point]]\n",
+        ),
     ];
     for (mesh, boundaries, expected) in cases {
         std::fs::write(folder.path().join("case.toml"), format!("{mesh}{head}{boundaries}")).unwrap();
@@ -231,4 +256,14 @@ fn contradictory_planes_and_rigid_surfaces_are_reported_with_line_and_cure() {
         let message = checked.failed(2);
         assert!(message.contains(expected), "{message}\nexpected:\n{expected}");
     }
+}
+
+/// Writes a box whose upper side bulges.
+fn write_bent_box(path: &Path) {
+    let mesh = shapes::cuboid([2, 2, 2], [1.0; 3]).unwrap();
+    let bent = |&[x, y, z]: &[f64; 3]| [x, y, if [x, y, z] == [0.5, 0.5, 1.0] { 1.01 } else { z }];
+    let nodes = mesh.nodes().iter().map(bent).collect();
+    let (elements, regions) = (mesh.elements().clone(), mesh.regions().to_vec());
+    let mesh = Mesh::new(nodes, elements, mesh.region_of().to_vec(), regions, mesh.surfaces().to_vec()).unwrap();
+    gmsh::write(path, &mesh).unwrap();
 }

@@ -244,6 +244,10 @@
 //! about 1 rad. `loads.csv` gives the moment about the displaced reference point, exerted by the grip and other loads,
 //! and the motion. See [`RigidCondition`](crate::fem::boundary::RigidCondition).
 //!
+//! A rigid surface may touch a plane of symmetry in which it moves: with no displacement along the normal of the plane,
+//! and no rotation except about the normal; prescribe all components that could leave it. For an inclined plane, give them
+//! with at least 5 digits, or as expressions: `displacement = { x = "0.1*cos(pi/6)", y = 0.05 }`.
+//!
 //! ```toml
 //! [body]
 //! free = "rigid"                           # hold the free rigid-body motions of a body whose loads balance

@@ -1,8 +1,8 @@
 //! Converts the errors of a run to messages for the user: the problem, what was expected, and a possible cure.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use biotissue::app::case::RveParams;
+use biotissue::app::case::{Case, RveParams};
 use biotissue::app::checkpoint::CheckpointError;
 use biotissue::app::macro_scale::hint_of_constraint;
 use biotissue::app::results::ResultsError;
@@ -146,17 +146,26 @@ fn other_checkpoint(what: String, cure: &str) -> Failure {
     Failure::arguments(what, expected, format!("{cure} (leave --resume out)"))
 }
 
-pub fn not_set_up<F: std::error::Error + 'static>(
-    file: &Path,
-    micro: &RveParams,
-    error: SimulationError<F>,
-) -> Failure {
+/// What the errors of the setup of a case need of the case, which the setup consumes.
+pub struct CaseHints {
+    file: PathBuf,
+    micro: RveParams,
+    hold_free_modes: bool,
+}
+
+impl CaseHints {
+    pub fn of(case: &Case) -> Self {
+        Self { file: case.file.clone(), micro: case.micro, hold_free_modes: case.hold_free_modes }
+    }
+}
+
+pub fn not_set_up<F: std::error::Error + 'static>(of: &CaseHints, error: SimulationError<F>) -> Failure {
     let (expected, cure) = match &error {
         SimulationError::Input(errors) | SimulationError::Library(LibraryError::Network(errors)) => {
             return errors.clone().into();
         }
         SimulationError::Setup(setup) if matches!(**setup, SetupError::Undeformed(_)) => {
-            return not_at_rest(file, micro, setup);
+            return not_at_rest(of, setup);
         }
         SimulationError::Library(LibraryError::Model { .. }) => (
             "a network whose fibers have a law, a radius and a modulus",
@@ -168,13 +177,14 @@ pub fn not_set_up<F: std::error::Error + 'static>(
         SimulationError::Library(LibraryError::NoMaterial(_)) => {
             ("a material for every region of the mesh", "add a [[region]] with the name of that region, or \"*\"")
         }
-        SimulationError::Setup(setup) => cure_of_setup(setup),
+        SimulationError::Setup(setup) => cure_of_setup(of, setup),
     };
-    Failure::arguments(format!("{}: {error}", file.display()), expected, cure)
+    Failure::arguments(format!("{}: {error}", of.file.display()), expected, cure)
 }
 
 /// Returns what was expected of a body whose setup failed, and the cure.
 fn cure_of_setup<F: std::error::Error + 'static>(
+    of: &CaseHints,
     error: &SetupError<TissueFieldError, F>,
 ) -> (&'static str, &'static str) {
     match error {
@@ -182,8 +192,13 @@ fn cure_of_setup<F: std::error::Error + 'static>(
         SetupError::Constraint(error) => hint_of_constraint(error),
         SetupError::Underconstrained(_) => (
             "prescribed displacements that prevent rigid-body motions of every connected part of the body",
-            "prescribe displacements on more surfaces or components ([[point]]: of single nodes); if the loads balance, \
-             `free = \"rigid\"` in [body] adds the supports",
+            if of.hold_free_modes {
+                "`free = \"rigid\"` adds no supports to nodes of rigid surfaces and of inclined planes of symmetry: hold the motion \
+                 that is named by a component of `rigid`, a [[boundary]] or a [[point]]"
+            } else {
+                "prescribe displacements on more surfaces or components ([[point]]: of single nodes); if the loads balance, \
+                 `free = \"rigid\"` in [body] adds the supports"
+            },
         ),
         SetupError::Geometry(_) => {
             ("elements of positive volume", "improve the mesh, or correct the `scale` of [mesh]")
@@ -197,16 +212,12 @@ fn cure_of_setup<F: std::error::Error + 'static>(
 }
 
 /// Reports an undeformed body without a solvable stiffness: an RVE is singular before any load.
-fn not_at_rest<F: std::error::Error + 'static>(
-    file: &Path,
-    micro: &RveParams,
-    error: &SetupError<TissueFieldError, F>,
-) -> Failure {
+fn not_at_rest<F: std::error::Error + 'static>(of: &CaseHints, error: &SetupError<TissueFieldError, F>) -> Failure {
     let cure = match error {
-        SetupError::Undeformed(EquilibriumError::PointField(error)) => cure_of_point(error, micro),
+        SetupError::Undeformed(EquilibriumError::PointField(error)) => cure_of_point(error, &of.micro),
         _ => "try another --backend".into(),
     };
     let (what, place) =
-        (format!("{}: {error}", file.display()), "t = 0, before the first load step; nothing is written");
+        (format!("{}: {error}", of.file.display()), "t = 0, before the first load step; nothing is written");
     Failure::not_converged(what, place.into(), "an undeformed body that resists every deformation", cure)
 }

@@ -14,7 +14,7 @@ use clap::Args;
 use serde::Serialize;
 
 use crate::dispatch::{Job, ProgramBackend, dispatch};
-use crate::error_hints::{cure_of_step, not_resumed, not_set_up, not_written, on_disk, replay_hint};
+use crate::error_hints::{CaseHints, cure_of_step, not_resumed, not_set_up, not_written, on_disk, replay_hint};
 use crate::failure::Failure;
 use crate::number::count;
 use crate::output;
@@ -344,14 +344,14 @@ pub fn take_steps<B: ProgramBackend, M: TissueMaterial>(
 
 /// Reads all files that a case names; the warnings of the mesh and network readers go to stderr.
 pub fn setup<B: ProgramBackend>(context: B::Context, case: Case) -> Result<Setup<B>, Failure> {
-    let (file, micro) = (case.file.clone(), case.micro);
-    let setup = Setup::<B>::new(context, case).map_err(|error| not_set_up(&file, &micro, error))?;
+    let hints = CaseHints::of(&case);
+    let setup = Setup::<B>::new(context, case).map_err(|error| not_set_up(&hints, error))?;
     output::warn(setup.warnings());
     Ok(setup)
 }
 
 /// Sets up the simulation of a case.
 fn simulation<B: ProgramBackend>(context: B::Context, case: Case) -> Result<Simulation<B>, Failure> {
-    let (file, micro) = (case.file.clone(), case.micro);
-    setup::<B>(context, case)?.simulation().map_err(|error| not_set_up(&file, &micro, error))
+    let hints = CaseHints::of(&case);
+    setup::<B>(context, case)?.simulation().map_err(|error| not_set_up(&hints, error))
 }

@@ -95,14 +95,23 @@ pub enum BoundaryError {
         /// The [formulas](super::LoadFunction::formula) of both factors.
         formulas: Box<[Option<String>; 2]>,
     },
-    /// A plane of symmetry is not a plane.
-    #[error("surface `{surface}` is not one plane: {}", planarity(*degrees))]
+    /// The faces of a plane of symmetry point to opposite sides, or it has none.
+    #[error("surface `{surface}` is not one plane: its faces point to opposite sides")]
+    OppositeSides {
+        /// The name of the surface.
+        surface: String,
+    },
+    /// The nodes of a plane of symmetry do not lie in a plane.
+    #[error(
+        "surface `{surface}` is not one plane: a node is {distance:.3e} m away from the mean plane, and the surface extends over {extent:.3e} m"
+    )]
     NotPlanar {
         /// The name of the surface.
         surface: String,
-        /// The greatest angle between the normal of a face and the mean normal; 180 if the faces point to opposite sides,
-        /// 0 if they are parallel.
-        degrees: f64,
+        /// The greatest distance of a node from the mean plane, m.
+        distance: f64,
+        /// The diagonal of the box around the nodes, m.
+        extent: f64,
     },
     /// A node of a plane of symmetry is moved out of the plane.
     #[error(
@@ -131,6 +140,16 @@ pub enum BoundaryError {
         rigid: String,
         /// The other condition, and what it prescribes.
         other: String,
+    },
+    /// A node of a rigid surface lies in an inclined plane of symmetry, out of which the rigid surface may move.
+    #[error("node {node} belongs to the rigid {rigid}, which may leave the plane of symmetry of {plane}")]
+    LeavesPlane {
+        /// The node, from 0.
+        node: usize,
+        /// The rigid surface.
+        rigid: String,
+        /// The surface with the plane.
+        plane: String,
     },
     /// The prescribed part of a rotation vector is too long for free components beside it.
     #[error(
@@ -167,16 +186,6 @@ fn curves(formulas: &[Option<String>; 2]) -> &'static str {
         [None, None] => " (times their curves)",
         [Some(_), Some(_)] => "",
         _ => " (the number times its curve)",
-    }
-}
-
-fn planarity(degrees: f64) -> String {
-    if degrees >= 180.0 {
-        "its faces point to opposite sides".into()
-    } else if degrees > 0.0 {
-        format!("the normals of its faces differ by up to {degrees:.3} degrees from their mean")
-    } else {
-        "its nodes lie in several parallel planes".into()
     }
 }
 

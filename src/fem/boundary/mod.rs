@@ -12,7 +12,10 @@
 //!
 //! A plane of symmetry may share nodes with any other condition that leaves them in the plane; the conditions share the
 //! reaction by their directions. A rigid surface gets the whole reaction of its nodes; other conditions may hold only
-//! components there that the rigid surface holds itself.
+//! components there that the rigid surface holds itself, and an inclined plane of symmetry must be one in which it moves.
+//! Its displacement is then normal to the normal of the plane, and its rotation vector parallel to it: free components always,
+//! prescribed ones at every hundredth of pseudo-time and at the break points, up to `1e-4` of the greatest displacement
+//! or rotation. The rigid surface alone moves the nodes, also by the remainder.
 
 mod conditions;
 mod curve;
@@ -20,6 +23,7 @@ mod dead;
 mod error;
 mod foundation;
 mod load;
+mod plane;
 mod point_load;
 mod prescribed;
 mod pressure;

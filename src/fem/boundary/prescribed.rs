@@ -18,8 +18,14 @@ pub enum Source {
     FreeMode,
 }
 
-/// The number of parts of pseudo-time whose ends are compared to find whether two displacements are equal.
+/// The number of parts of pseudo-time at whose ends motions are compared.
 const COMPARED: u32 = 100;
+
+/// Returns the pseudo-times at which motions are compared: every hundredth, and the break points.
+pub(super) fn compared_times(break_points: Vec<f64>) -> impl Iterator<Item = f64> {
+    let grid = (0..=COMPARED).map(|k| f64::from(k) / f64::from(COMPARED));
+    grid.chain(break_points)
+}
 
 /// One prescribed displacement component.
 #[derive(Clone, Debug, PartialEq)]
@@ -69,8 +75,7 @@ impl PrescribedComponent {
     }
 
     fn compared_times(&self, others: &[f64]) -> impl Iterator<Item = f64> {
-        let grid = (0..=COMPARED).map(|k| f64::from(k) / f64::from(COMPARED));
-        grid.chain(self.curve.break_points()).chain(others.to_vec())
+        compared_times(self.curve.break_points()).chain(others.to_vec())
     }
 
     /// Returns true if a displacement that is finite at both ends of pseudo-time is finite at all times.

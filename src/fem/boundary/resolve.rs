@@ -2,9 +2,10 @@
 
 use std::collections::BTreeMap;
 
+use super::plane::Plane;
 use super::prescribed::PrescribedCollector;
 use super::rigid::ResolvedRigid;
-use super::skew::{GivenDirection, plane_normal};
+use super::skew::GivenDirection;
 use super::{BoundaryError, CoupledNodes, LoadCurve, RigidCondition, Source, find_surface};
 use crate::fem::mesh::Mesh;
 
@@ -16,16 +17,17 @@ pub(super) fn symmetry_planes(
     prescribed: &mut PrescribedCollector<'_>,
 ) -> Result<BTreeMap<u32, Vec<GivenDirection>>, BoundaryError> {
     let mut of_nodes: BTreeMap<u32, Vec<GivenDirection>> = BTreeMap::new();
-    for name in names {
-        let (number, surface) = find_surface(mesh, name)?;
-        let (normal, source) = (plane_normal(mesh, surface)?, Source::Surface(number));
-        let nodes = surface.nodes();
+    let planes = names.iter().map(|name| Plane::new(mesh, find_surface(mesh, name)?.0));
+    let planes = planes.collect::<Result<Vec<_>, _>>()?;
+    for plane in &planes {
+        let (normal, source) = (plane.common_normal(mesh, &planes), Source::Surface(plane.surface));
+        // A greater angle than `sqrt(2 EPSILON)`, the rounding error of a normal, makes the plane an inclined one.
         if let Some(component) = (0..3).find(|&k| normal[k].abs() > 1.0 - f64::EPSILON) {
             let held = std::array::from_fn(|k| (k == component).then_some(0.0));
-            prescribed.add(&nodes, &held, &LoadCurve::Ramp, source)?;
+            prescribed.add(&plane.nodes, &held, &LoadCurve::Ramp, source)?;
             continue;
         }
-        for node in nodes {
+        for &node in &plane.nodes {
             of_nodes.entry(node).or_default().push(GivenDirection { source, along: normal, component: None });
         }
     }
@@ -35,7 +37,7 @@ pub(super) fn symmetry_planes(
 /// Resolves rigid surfaces and removes the conditions on their nodes that they satisfy.
 ///
 /// # Errors
-/// Returns [`BoundaryError::RigidConflict`] for a node with another condition.
+/// Returns [`BoundaryError::RigidConflict`] or [`BoundaryError::LeavesPlane`] for a node with another condition.
 pub(super) fn rigid_surfaces(
     mesh: &Mesh,
     conditions: &[RigidCondition],
@@ -46,20 +48,23 @@ pub(super) fn rigid_surfaces(
     let mut all = Vec::with_capacity(conditions.len());
     for condition in conditions {
         let rigid = condition.resolve(mesh)?;
-        let number = rigid.surface.surface;
+        let (number, motions) = (rigid.surface.surface, rigid.compared_motions());
         for &node in &rigid.surface.nodes {
             let conflict_in = |what: &str, other: Source| BoundaryError::RigidConflict {
                 node: node as usize,
                 rigid: Source::Surface(number).describe(mesh),
                 other: other.describe(mesh) + what,
             };
-            let conflict = |other| conflict_in("", other);
             if let Some(other) = owner.insert(node, number) {
-                return Err(conflict(Source::Surface(other)));
+                return Err(conflict_in("", Source::Surface(other)));
             }
             let of_node = planes.remove(&node).unwrap_or_default();
-            if let Some(plane) = of_node.iter().find(|plane| !rigid.holds_along(&plane.along)) {
-                return Err(conflict(plane.source));
+            if let Some(plane) = of_node.iter().find(|plane| !rigid.stays_in_plane(&plane.along, &motions)) {
+                return Err(BoundaryError::LeavesPlane {
+                    node: node as usize,
+                    rigid: Source::Surface(number).describe(mesh),
+                    plane: plane.source.describe(mesh),
+                });
             }
             if let Some(other) = prescribed.take(node).iter().find(|component| !rigid.agrees_with(component)) {
                 let component = ["x", "y", "z"][usize::from(other.component)];

@@ -4,9 +4,15 @@ use std::f64::consts::TAU;
 
 use nalgebra::Vector3;
 
+use super::prescribed::compared_times;
 use super::{BoundaryError, ENDS, LoadCurve, PrescribedComponent, Source, check_finite, check_finite_at, find_surface};
 use crate::fem::kinematics::{RigidMotion, RigidSurface};
 use crate::fem::mesh::{Mesh, Surface};
+
+/// The greatest part of a displacement that may be normal to a plane of symmetry, and the greatest sine of an angle between a
+/// rotation vector and the normal: above the errors of values with 5 digits, and of the normal of a mesh whose coordinates
+/// have 6 digits.
+const OUT_OF_PLANE: f64 = 1e-4;
 
 /// A surface whose nodes move as a rigid body, like a grip: the node at `X` moves by `d + (R - I) (X - X_ref)`. The
 /// displacement `d` of the reference point and the rotation vector of `R` are prescribed or free, component by
@@ -122,12 +128,32 @@ impl ResolvedRigid {
         is_held(component) && (0..3).all(|k| k == component || is_held(3 + k))
     }
 
-    /// Returns true if the surface cannot move its nodes along a direction, whatever its other motions.
-    pub fn holds_along(&self, direction: &Vector3<f64>) -> bool {
-        /// The rounding error of a normal.
-        const ZERO: f64 = 1e-12;
-        let is_held = |k: usize| self.components[k].as_ref().is_some_and(|component| component.value == 0.0);
-        (0..3).all(|k| direction[k].abs() < ZERO || is_held(k)) && (3..6).all(is_held)
+    /// Returns the motions at the times at which motions are compared, with free components of 0.
+    pub fn compared_motions(&self) -> Vec<RigidMotion> {
+        let at = |t: f64| {
+            let mut motion = RigidMotion::default();
+            self.apply(t, &mut motion);
+            motion
+        };
+        compared_times(self.break_points()).map(at).collect()
+    }
+
+    /// Returns true if the surface moves its nodes within planes with this normal, whatever its free motions, given
+    /// the [compared motions](Self::compared_motions): the displacement is normal to it, and so is every free component;
+    /// the rotation vector is parallel to it, and so is every free component.
+    pub fn stays_in_plane(&self, normal: &Vector3<f64>, motions: &[RigidMotion]) -> bool {
+        let free = |first: usize| (0..3).filter(move |k| self.components[first + k].is_none()).map(unit);
+        let out = |displacement: Vector3<f64>| normal.dot(&displacement).abs();
+        let tilt = |rotation: Vector3<f64>| normal.cross(&rotation).norm();
+        if free(0).any(|axis| out(axis) > OUT_OF_PLANE) || free(3).any(|axis| tilt(axis) > OUT_OF_PLANE) {
+            return false;
+        }
+        let displacements = || motions.iter().map(|motion| Vector3::from(motion.displacement));
+        let rotations = || motions.iter().map(|motion| Vector3::from(motion.rotation));
+        let limit = |largest: f64, scale: f64| OUT_OF_PLANE * largest + 16.0 * f64::EPSILON * scale;
+        let farthest = limit(displacements().map(|d| d.norm()).fold(0.0, f64::max), self.surface.length);
+        let widest = limit(rotations().map(|theta| theta.norm()).fold(0.0, f64::max), 1.0);
+        displacements().all(|d| out(d) <= farthest) && rotations().all(|theta| tilt(theta) <= widest)
     }
 
     /// Returns true if the surface holds the displacements that a component prescribes on one of its nodes.
@@ -139,6 +165,10 @@ impl ResolvedRigid {
         let moving = self.components.iter().flatten().filter(|component| component.value != 0.0);
         moving.flat_map(|component| component.curve.break_points()).collect()
     }
+}
+
+fn unit(axis: usize) -> Vector3<f64> {
+    Vector3::ith(axis, 1.0)
 }
 
 /// Returns the centroid of a surface, m.

@@ -3,12 +3,14 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::{BoundaryError, PrescribedComponent, Source};
-use crate::fem::mesh::{Mesh, Surface};
+use crate::fem::mesh::Mesh;
 
-/// Directions are linearly dependent if the part of one that is normal to the others is shorter than this.
-const DEPENDENT: f64 = 1e-6;
-/// A surface is a plane if the normal of no face differs from the mean normal by more than this.
-const PLANAR: f64 = 1e-6;
+/// Directions are linearly dependent if the part of one that is normal to the others is shorter than this. The rounding of
+/// coordinates to 6 digits tilts the normals of small planes by almost as much: two surfaces of one plane must not hold
+/// a node within the plane.
+const DEPENDENT: f64 = 1e-3;
+/// A direction depends on another one if its share is greater than this.
+const SHARE: f64 = 1e-4;
 
 /// A direction along which the displacement of a node is given.
 #[derive(Clone, Debug)]
@@ -132,7 +134,7 @@ fn dependence<'a>(
         let after: f64 = (k + 1..given.len()).map(|j| lower[(j, k)] * shares[j]).sum();
         shares[k] = (shares[k] - after) / lower[(k, k)];
     }
-    given.iter().zip(shares.data.0[0]).filter(|(_, share)| share.abs() > DEPENDENT).map(|(given, _)| given)
+    given.iter().zip(shares.data.0[0]).filter(|(_, share)| share.abs() > SHARE).map(|(given, _)| given)
 }
 
 fn conflict(
@@ -169,35 +171,6 @@ fn complete(frame: &mut Matrix3<f64>, first: usize) {
     }
 }
 
-/// Returns the unit normal of a plane surface.
-///
-/// # Errors
-/// Returns [`BoundaryError::NotPlanar`] if the surface is curved, closed or not one plane, or has no face.
-pub(super) fn plane_normal(mesh: &Mesh, surface: &Surface) -> Result<Vector3<f64>, BoundaryError> {
-    let mut normals = Vec::new();
-    for (face_type, nodes) in surface.faces.typed() {
-        face_type.integrate(&mesh.positions_of(nodes), |_, area| normals.push(Vector3::from(area)));
-    }
-    let sum: Vector3<f64> = normals.iter().sum();
-    let total: f64 = normals.iter().map(Vector3::norm).sum();
-    let mean = sum.try_normalize(0.0).unwrap_or_else(Vector3::zeros);
-    let deviation = normals.iter().map(|normal| (normal.normalize() - mean).norm()).fold(0.0, f64::max);
-    // The mean of normals that point to all sides is rounding.
-    let has_sides = normals.is_empty() || sum.norm() <= 0.5 * total;
-    if has_sides || deviation > PLANAR {
-        let degrees = if has_sides { 180.0 } else { 2.0 * (0.5 * deviation.min(2.0)).asin().to_degrees() };
-        return Err(BoundaryError::NotPlanar { surface: surface.name.clone(), degrees });
-    }
-    // All nodes must lie in one plane, not in two parallel ones.
-    let of_nodes = surface.nodes();
-    let heights = of_nodes.iter().map(|&node| mean.dot(&Vector3::from(mesh.nodes()[node as usize])));
-    let (low, high) = heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)));
-    if high - low > PLANAR * total.sqrt() {
-        return Err(BoundaryError::NotPlanar { surface: surface.name.clone(), degrees: 0.0 });
-    }
-    Ok(mean)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -228,6 +201,22 @@ mod tests {
                 assert!((node.frame.column(k).dot(&sum) - expected).abs() < 1e-14);
             }
         }
+    }
+
+    #[test]
+    fn directions_that_differ_by_rounding_are_one() {
+        let mesh = crate::fem::mesh::shapes::cuboid([1, 1, 1], [1.0; 3]).unwrap();
+        let axis = |k: u8| GivenDirection::of_component(PrescribedComponent::support(&mesh, 0, k));
+        // The second plane is the first one, and the axes x and y span the normal; the node slides along z.
+        let planes = [held([0.5, 0.8, 1e-5]), held([0.5, 0.8, -1e-4])];
+        for directions in [planes.to_vec(), vec![planes[0].clone(), axis(0), axis(1)]] {
+            let prescribed = SkewNode::new(&mesh, 0, directions).unwrap().prescribed();
+            assert!(prescribed < 3, "{prescribed}");
+        }
+        assert_eq!(SkewNode::new(&mesh, 0, planes.to_vec()).unwrap().prescribed(), 1);
+        // Planes of a thin sector.
+        let sector = [[0.5, 0.8, 0.0], [0.5, 0.8, 0.01]].map(held).to_vec();
+        assert_eq!(SkewNode::new(&mesh, 0, sector).unwrap().prescribed(), 2);
     }
 
     #[test]

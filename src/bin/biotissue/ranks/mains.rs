@@ -15,7 +15,7 @@ use biotissue::tissue::two_scale::{self, BodySolve, MACRO, MICRO, ScaleField, Tw
 
 use super::{Outcome, Ranks, RunContext, agreed, ranks_failed};
 use crate::dispatch::{Job, ProgramBackend, dispatch};
-use crate::error_hints::not_set_up;
+use crate::error_hints::{CaseHints, not_set_up};
 use crate::failure::Failure;
 use crate::output;
 use crate::run::take_steps;
@@ -109,11 +109,11 @@ impl<C: Ranks> Job for MacroRank<'_, C> {
     fn run<B: ProgramBackend>(self, context: B::Context) -> Result<Self::Output, Failure> {
         let Self { world, scales, run, body_solve } = self;
         let case = run.case.clone();
-        let (file, micro) = (case.file.clone(), case.micro);
+        let hints = CaseHints::of(&case);
         let setup = Setup::<B, ScaleField<'_, C, B::Micro>>::with_material(context, case, |materials, mesh| {
             ScaleField::new((scales, body_solve), (), materials, mesh)
         });
-        let setup = setup.map_err(|error| not_set_up(&file, &micro, error));
+        let setup = setup.map_err(|error| not_set_up(&hints, error));
         let mut setup = match agreed(world, setup)? {
             Ok(setup) => setup,
             Err(failure) => return Ok(Err(failure)),
@@ -124,7 +124,7 @@ impl<C: Ranks> Job for MacroRank<'_, C> {
         let broken = setup.material_mut().broken();
         let mut simulation = match setup.simulation() {
             Ok(simulation) => simulation,
-            Err(error) => return or_broken(&broken, Err(not_set_up(&file, &micro, error))),
+            Err(error) => return or_broken(&broken, Err(not_set_up(&hints, error))),
         };
         let root = RootWriter { comm: scales.comm(), broken: &broken };
         let writers: &dyn WriterGroup = if body_solve == BodySolve::Distributed { &root } else { &() };
