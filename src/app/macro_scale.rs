@@ -267,6 +267,11 @@ pub fn hint_of_constraint(error: &ConstraintError) -> (&'static str, &'static st
             "surfaces around a cavity, with the body outside of it",
             "name the inner surfaces; to control the volume of the body itself, constrain a `region`",
         ),
+        ConstraintError::Reversed { .. } => (
+            "surfaces between elements whose normals point out of the body, into the cavity",
+            "reverse these physical surfaces in the mesh (Gmsh: `ReverseMesh Surface`); to control the volume of the \
+             elements inside, constrain their `region`",
+        ),
         ConstraintError::Target { .. } => ("a target volume above 0", "correct the curve of `volume`"),
         ConstraintError::Penalty { .. } => ("a penalty factor above 0", "correct `penalty`"),
         ConstraintError::Fixed { .. } => (

@@ -85,28 +85,41 @@ fn greatest_poisson_ratio(formulas: &[Arc<Formula>]) -> f64 {
 }
 
 /// Finds linear elements in nearly incompressible materials, which lock, given the greatest Poisson ratio of each region.
-fn check_locking<'a>(case: &'a Case, mesh: &'a Mesh, poisson_ratios: &'a [f64]) -> impl Iterator<Item = String> + 'a {
-    let mut has_plain = vec![false; case.regions.len()];
+fn check_locking(case: &Case, mesh: &Mesh, poisson_ratios: &[f64]) -> Vec<String> {
+    let (mut has_plain, mut has_wedges) = (vec![false; case.regions.len()], vec![false; case.regions.len()]);
     let mut in_patch = vec![false; mesh.elements().len()];
     mesh.patches().iter().flatten().for_each(|&element| in_patch[element as usize] = true);
     let of_mesh: Vec<Option<usize>> = mesh.regions().iter().map(|name| case.region_of(name)).collect();
     for ((element_type, _), (&region, in_patch)) in mesh.elements().typed().zip(mesh.region_of().iter().zip(in_patch)) {
-        if let Some(region) = of_mesh[region as usize]
-            && matches!(element_type, ElementType::Tet4 | ElementType::Hex8)
-            && !in_patch
-        {
-            has_plain[region] = true;
+        let Some(region) = of_mesh[region as usize] else { continue };
+        match element_type {
+            ElementType::Tet4 | ElementType::Hex8 => has_plain[region] |= !in_patch,
+            ElementType::Wedge6 => has_wedges[region] = true,
+            ElementType::Tet10 | ElementType::Hex20 | ElementType::Hex27 => {}
         }
     }
-    let locking = poisson_ratios.iter().enumerate().zip(has_plain);
-    let locking = locking.filter(|&((_, &nu), has_plain)| has_plain && nu > LARGEST_POISSON_RATIO);
-    locking.map(|((number, nu), _)| {
-        let message = format!(
-            "its linear elements lock at a Poisson ratio of {}: set `f_bar = true` here, or `order = 2` in [mesh]",
-            (nu * 1e4).round() / 1e4
-        );
-        in_region(case, number, &message)
-    })
+    // Wedges have no form of order 2.
+    let or_quadratic = if mesh.elements().typed().any(|(element_type, _)| element_type == ElementType::Wedge6) {
+        ""
+    } else {
+        ", or `order = 2` in [mesh]"
+    };
+    let mut warnings = Vec::new();
+    for (number, &nu) in poisson_ratios.iter().enumerate().filter(|(_, nu)| **nu > LARGEST_POISSON_RATIO) {
+        let nu = (nu * 1e4).round() / 1e4;
+        if has_plain[number] {
+            let cure = format!("set `f_bar = true` here{or_quadratic}");
+            let message = format!("its linear elements lock at a Poisson ratio of {nu}: {cure}");
+            warnings.push(in_region(case, number, &message));
+        }
+        if has_wedges[number] {
+            let cure = "mesh it with tetrahedra or hexahedra, and set `f_bar = true` here, or, if the mesh then has no \
+                        wedges, `order = 2` in [mesh]";
+            let message = format!("its wedges lock at a Poisson ratio of {nu}, and have no `f_bar`: {cure}");
+            warnings.push(in_region(case, number, &message));
+        }
+    }
+    warnings
 }
 
 fn youngs_modulus(formula: &Formula) -> f64 {
@@ -338,7 +351,7 @@ mod tests {
     use std::path::Path;
 
     use super::*;
-    use crate::fem::mesh::shapes::cuboid;
+    use crate::fem::mesh::shapes::{cuboid, cuboid_of};
 
     const CASE: &str = r#"[mesh]
 generate = { shape = "box", cells = [1, 1, 1], size = [1.0, 1.0, 1.0] }
@@ -447,9 +460,32 @@ displacement = { x = 0.1 }
                         or `order = 2` in [mesh]";
         let formula = case.regions[0].material.formula().and_then(|formula| formula.constant()).unwrap().clone();
         let ratios = [greatest_poisson_ratio(&[Arc::new(formula)])];
-        assert_eq!(check_locking(&case, &mesh, &ratios).collect::<Vec<_>>(), [expected]);
-        assert_eq!(check_locking(&case, &mesh.quadratic(Default::default()).unwrap(), &ratios).count(), 0);
-        assert_eq!(check_locking(&case, &mesh.with_patches(|_| true), &ratios).count(), 0);
+        assert_eq!(check_locking(&case, &mesh, &ratios), [expected]);
+        assert_eq!(check_locking(&case, &mesh.quadratic(Default::default()).unwrap(), &ratios), [""; 0]);
+        assert_eq!(check_locking(&case, &mesh.clone().with_patches(|_| true), &ratios), [""; 0]);
+
+        // Wedges have neither patches nor order 2.
+        let wedges = cuboid_of(ElementType::Wedge6, [1, 1, 1], [1.0; 3]).unwrap().with_patches(|_| true);
+        let expected = "case.toml:3: region \"*\": its wedges lock at a Poisson ratio of 0.499, and have no \
+                        `f_bar`: mesh it with tetrahedra or hexahedra, and set `f_bar = true` here, or, if the mesh \
+                        then has no wedges, `order = 2` in [mesh]";
+        assert_eq!(check_locking(&case, &wedges, &ratios), [expected]);
+        assert_eq!(check_locking(&case, &wedges, &[0.45]), [""; 0]);
+        let plain =
+            "case.toml:3: region \"*\": its linear elements lock at a Poisson ratio of 0.499: set `f_bar = true` here";
+        let both = with_wedges_beside(&mesh, &wedges);
+        assert_eq!(check_locking(&case, &both, &ratios), [plain, expected]);
+        assert_eq!(check_locking(&case, &both.with_patches(|_| true), &ratios), [expected]);
+    }
+
+    /// Returns a mesh with the elements of both, which are apart.
+    fn with_wedges_beside(mesh: &Mesh, wedges: &Mesh) -> Mesh {
+        let first = mesh.nodes().len() as u32;
+        let nodes = mesh.nodes().iter().copied().chain(wedges.nodes().iter().map(|[x, y, z]| [x + 2.0, *y, *z]));
+        let mut elements = mesh.elements().clone();
+        elements.extend(&wedges.elements().map(|node| node + first));
+        let count = elements.len();
+        Mesh::new(nodes.collect(), elements, vec![0; count], vec!["body".into()], Vec::new()).unwrap()
     }
 
     #[test]

@@ -32,6 +32,7 @@ fn the_tip_of_the_beam_rises_as_published() {
     assert!(reports.iter().all(|report| report.cuts == 0));
     let displacements = &stepper.state().displacements;
     let height = 1.0 + 1e3 * displacements[node][2];
+    println!("height {height:.3} mm");
     assert!((4.0..4.2).contains(&height) && (height / 4.17 - 1.0).abs() < 0.01, "{height} mm");
     let deformed: f64 = stepper.mesh().deformed_region_volumes(displacements).iter().sum();
     assert!((deformed / volume - 1.0).abs() < 1e-3, "the volume changes by the factor {}", deformed / volume);

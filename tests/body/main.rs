@@ -20,6 +20,8 @@ mod heart_beam;
 #[cfg(feature = "sparse")]
 mod meshes;
 #[cfg(feature = "sparse")]
+mod newton;
+#[cfg(feature = "sparse")]
 mod other_code;
 #[cfg(feature = "sparse")]
 mod pressure;

@@ -117,6 +117,7 @@ fn the_radial_equilibrium_has_the_published_limit() {
     for wall in [Wall::Sphere, Wall::Cylinder] {
         for (stretch, published) in wall.published() {
             let found = extrapolated(|l| radial_pressure(wall, l, stretch));
+            println!("{wall:?}, {stretch}: radial equilibrium in the limit {found:.7} ({published})");
             assert!((found - published).abs() < 2e-6, "{wall:?}, stretch {stretch}: {found}, published {published}");
         }
     }
@@ -265,6 +266,10 @@ fn linear_hexahedra_with_f_bar_approach_the_published_pressures() {
         let [fine, found] = with_f_bar(wall, 1000.0);
         for (k, (stretch, published)) in wall.published().into_iter().enumerate() {
             let radial = radial_pressure(wall, 1000.0, stretch);
+            println!(
+                "{wall:?}, {stretch}: {published}, radial {radial:.6}, found {:.6}, finer {:.6}",
+                found[k], fine[k]
+            );
             let errors = [fine[k] / radial, found[k] / radial, found[k] / published].map(|ratio| (ratio - 1.0).abs());
             let bounds = [0.015, 3e-4, 5e-4];
             assert!(errors.iter().zip(bounds).all(|(error, bound)| *error < bound), "{wall:?}, {stretch}: {errors:?}");
@@ -273,6 +278,7 @@ fn linear_hexahedra_with_f_bar_approach_the_published_pressures() {
     let [some, others] = [1000.0, 2000.0].map(|l| with_f_bar(Wall::Cylinder, l)[1]);
     for (k, (stretch, published)) in Wall::Cylinder.published().into_iter().enumerate() {
         let limit = 2.0 * others[k] - some[k];
+        println!("Cylinder, {stretch}: incompressible limit {limit:.6} ({published})");
         assert!((limit / published - 1.0).abs() < 3e-4, "stretch {stretch}: {limit}, published {published}");
     }
 }
@@ -291,6 +297,7 @@ fn quadratic_hexahedra_approach_the_pressures_of_the_radial_equilibrium() {
             let found = pressures(wall, &mesh(wall, element_type, around, through), 1000.0);
             [0, 1, 2].map(|k| (found[k] / exact[k] - 1.0).abs())
         });
+        println!("{wall:?} {element_type:?}: relative errors {coarse:.5?} {fine:.5?}");
         assert!(fine[0] < coarse[0] / 8.0, "{wall:?} {element_type:?}: {coarse:?} {fine:?}");
         let bound = if wall == Wall::Sphere { 0.05 } else { 2e-3 };
         assert!(fine.iter().all(|&error| error < bound), "{wall:?} {element_type:?}: {fine:?}");
@@ -318,6 +325,7 @@ fn follower_pressure_gives_the_stretch_of_its_reactions() {
             (0..wall.circumferential() as usize + 1).map(|i| u[i] * x[i]).sum()
         };
         let found = 1.0 + nodes.iter().map(radial).sum::<f64>() / nodes.len() as f64;
+        println!("{wall:?}: follower pressure gives the stretch {found:.4} ({stretch})");
         assert!((found - stretch).abs() < 0.01 * (stretch - 1.0), "{wall:?}: {found} instead of {stretch}");
     }
 }

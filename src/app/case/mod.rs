@@ -221,10 +221,11 @@
 //! Linear elements are far too stiff in nearly incompressible materials: they lock. With `f_bar = true`, each linear
 //! hexahedron of the region, or patch of linear tetrahedra, has one dilatation, which prevents locking at the price of
 //! an unsymmetric tangent (see [`assembly`](crate::fem::assembly#f-bar)). Quadratic elements (`order = 2`) are an
-//! alternative. `biotissue check` warns of linear elements without `f_bar` at Poisson ratios above 0.45. The dilatation
-//! is that of the center of a hexahedron, so that the volume of a strongly deformed coarse mesh (`NAME.volume` in
-//! `loads.csv`) differs from it; a `[[constraint]]` controls the true volume, and its pressure then depends on the
-//! mesh. Use quadratic elements, or a finer mesh, where the pressure of a constraint matters.
+//! alternative. Wedges have neither. `biotissue check` warns of linear elements without `f_bar`, and of wedges, at
+//! Poisson ratios above 0.45. The dilatation is that of the center of a hexahedron, so that the volume of a strongly
+//! deformed coarse mesh (`NAME.volume` in `loads.csv`) differs from it; a `[[constraint]]` controls the true volume, and
+//! its pressure then depends on the mesh. Use quadratic elements, or a finer mesh, where the pressure of a constraint
+//! matters.
 //!
 //! # Rigid surfaces and free bodies
 //!

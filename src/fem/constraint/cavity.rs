@@ -51,11 +51,19 @@ impl Cavity {
         cavity.check_closed(mesh, constraint)?;
         let volume = cavity.volume(&vec![[0.0; 3]; mesh.nodes().len()]);
         // A NaN is no volume either.
-        if volume > 0.0 {
-            Ok(cavity)
-        } else {
-            Err(ConstraintError::NotACavity { constraint: constraint.to_owned(), volume })
+        if volume > 0.0 { Ok(cavity) } else { Err(cavity.not_enclosed(mesh, constraint, volume)) }
+    }
+
+    /// Returns the error of a volume that is not positive. Faces on the boundary of the body have outward normals, so
+    /// that the body is inside; faces between elements keep the orientation of the file, so that they may be reversed.
+    fn not_enclosed(&self, mesh: &Mesh, constraint: &str, volume: f64) -> ConstraintError {
+        let constraint = constraint.to_owned();
+        if volume < 0.0 && mesh.lie_between_elements(&self.faces) {
+            let of_mesh = mesh.surfaces();
+            let surfaces = self.surfaces.iter().map(|&(number, _)| of_mesh[number].name.clone()).collect();
+            return ConstraintError::Reversed { constraint, surfaces, volume: -volume };
         }
+        ConstraintError::NotACavity { constraint, volume }
     }
 
     fn check_distinct(&self, constraint: &str) -> Result<(), ConstraintError> {

@@ -45,6 +45,19 @@ pub enum ConstraintError {
         /// The volume with its sign, m^3.
         volume: f64,
     },
+    /// The surfaces lie between elements, and all their normals point out of the volume that they enclose.
+    #[error(
+        "constraint `{constraint}`: the normals of {} all point out of the enclosed {volume:.4e} m^3, not into them",
+        quoted(surfaces)
+    )]
+    Reversed {
+        /// The name of the constraint.
+        constraint: String,
+        /// The names of the surfaces.
+        surfaces: Vec<String>,
+        /// The enclosed volume, positive, m^3.
+        volume: f64,
+    },
     /// A factor of the target is not positive and finite.
     #[error("constraint `{constraint}`: the target is {factor} times the reference volume at t = {t}")]
     Target {
@@ -79,6 +92,7 @@ impl ConstraintError {
             | Self::Open { constraint, .. }
             | Self::RepeatedFace { constraint, .. }
             | Self::NotACavity { constraint, .. }
+            | Self::Reversed { constraint, .. }
             | Self::Target { constraint, .. }
             | Self::Penalty { constraint, .. }
             | Self::Fixed { constraint } => constraint,
@@ -119,4 +133,9 @@ fn list(edges: &[OpenEdge], count: usize) -> String {
         more => format!(", and {more} more"),
     };
     shown.join(", ") + &more
+}
+
+fn quoted(surfaces: &[String]) -> String {
+    let quoted: Vec<String> = surfaces.iter().map(|name| format!("`{name}`")).collect();
+    quoted.join(", ")
 }

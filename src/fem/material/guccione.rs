@@ -83,4 +83,32 @@ mod tests {
         let a = material.evaluate(&Matrix3::identity()).unwrap().tangent;
         assert!((a[(0, 0)] - 11.0).abs() < 1e-14 && (a[(0, 4)] - 5.0).abs() < 1e-14 && (a[(1, 1)] - 3.0).abs() < 1e-14);
     }
+
+    /// At rest `W = C/2 Q + K/2 (tr E)^2` to second order. In the axes `f`, `s`, `n`, the moduli are `C bf + K` along
+    /// the fibers, `C bt + K` across them, `K` between two normal strains, and the shear moduli `C bfs / 2` along the
+    /// fibers and `C bt / 2` across them: `Q` has `2 bfs E_fs^2`, and `S_fs` is half its derivative by `E_fs`.
+    #[test]
+    fn the_moduli_at_rest_are_those_of_the_exponents() {
+        let (f, s, n) = (Vector3::new(2.0, -1.0, 2.0), Vector3::new(2.0, 2.0, -1.0), Vector3::new(-1.0, 2.0, 2.0));
+        let frame = [f, s, n].map(|axis| axis / 3.0);
+        let material = Guccione { c: 2.0, bf: 8.0, bt: 3.0, bfs: 5.0, bulk_modulus: 7.0, axis: frame[0] };
+        let a = material.evaluate(&Matrix3::identity()).unwrap().tangent;
+        let expected = |[i, j, k, l]: [usize; 4]| {
+            let normal = if i == j && k == l { 7.0 } else { 0.0 };
+            match (i == j, (i, j) == (k, l) || (i, j) == (l, k), i == 0 || j == 0) {
+                (true, true, true) => normal + 16.0,
+                (true, true, false) => normal + 6.0,
+                (false, true, true) => 5.0,
+                (false, true, false) => 3.0,
+                (_, false, _) => normal,
+            }
+        };
+        for at in (0..81).map(|m| [m / 27, m / 9 % 3, m / 3 % 3, m % 3]) {
+            let [p, q, r, t] = at.map(|m| frame[m]);
+            let component = |row: usize, col: usize| p[row / 3] * q[row % 3] * r[col / 3] * t[col % 3] * a[(row, col)];
+            let found: f64 =
+                (0..9).flat_map(|row| (0..9).map(move |col| (row, col))).map(|(i, j)| component(i, j)).sum();
+            assert!((found - expected(at)).abs() < 1e-13, "{at:?}: {found} instead of {}", expected(at));
+        }
+    }
 }

@@ -107,7 +107,10 @@ impl Material for HolzapfelGasserOgden {
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::SVector;
+
     use super::*;
+    use crate::tensor::row_major;
 
     fn material(dispersion: f64, axes: [Option<Vector3<f64>>; 2]) -> HolzapfelGasserOgden {
         HolzapfelGasserOgden { mu: 3.0, k1: 5.0, k2: 2.0, dispersion, bulk_modulus: 10.0, axes }
@@ -140,5 +143,69 @@ mod tests {
     fn the_matrix_is_hookes_at_rest() {
         let a = material(0.0, [None; 2]).evaluate(&Matrix3::identity()).unwrap().tangent;
         assert!((a[(0, 0)] - 14.0).abs() < 1e-13 && (a[(0, 4)] - 8.0).abs() < 1e-13 && (a[(1, 1)] - 3.0).abs() < 1e-13);
+    }
+
+    /// The moduli at rest with these families in tension.
+    ///
+    /// At `E = 0`, `dE_a/dE = 2 dev M = 2 (1 - 3 kappa) N` with `N = a (x) a - I / 3`, because `dev I = 0`. A family
+    /// contributes `k1/2 E_a^2` to second order, and only for `E_a > 0`: the moduli at rest jump by
+    /// `k1 dE_a/dE (x) dE_a/dE` where `a . dev(E) a` changes its sign. With the isotropic part
+    /// `mu/2 (I1' - 3) = mu dev E : dev E` and the volumetric one `K/2 (tr E)^2`,
+    ///
+    /// ```text
+    /// d2W/dE2 = K I (x) I + 2 mu (1 - I (x) I / 3) + 4 k1 (1 - 3 kappa)^2 sum_a N_a (x) N_a
+    /// ```
+    fn at_rest(material: &HolzapfelGasserOgden, in_tension: [bool; 2]) -> Moduli {
+        let HolzapfelGasserOgden { mu, k1, dispersion, bulk_modulus, axes, .. } = material;
+        let same = |i: usize, j: usize| f64::from(u8::from(i == j));
+        let scale = 4.0 * k1 * (1.0 - 3.0 * dispersion) * (1.0 - 3.0 * dispersion);
+        Moduli::from_fn(|row, col| {
+            let (i, j, k, l) = (row / 3, row % 3, col / 3, col % 3);
+            let symmetric = 0.5 * (same(i, k) * same(j, l) + same(i, l) * same(j, k));
+            let volumetric = same(i, j) * same(k, l);
+            let fibers = axes.iter().flatten().zip(in_tension).filter(|(_, is_active)| *is_active).map(|(a, _)| {
+                let n = |p: usize, q: usize| a[p] * a[q] - same(p, q) / 3.0;
+                n(i, j) * n(k, l)
+            });
+            bulk_modulus * volumetric + 2.0 * mu * (symmetric - volumetric / 3.0) + scale * fibers.sum::<f64>()
+        })
+    }
+
+    /// Two families: the moduli at rest from the side of tension and of compression of each, and those of the matrix at
+    /// rest itself, where no fiber is in tension.
+    #[test]
+    fn the_moduli_at_rest_are_those_of_matrix_and_stretched_fibers() {
+        let axes = [Vector3::new(0.6, 0.8, 0.0), Vector3::new(2.0, -1.0, 2.0) / 3.0];
+        let along = |a: &Vector3<f64>| a * a.transpose();
+        let volumetric = Matrix3::from_diagonal_element(0.3);
+        // A small rotation changes nothing.
+        let turn = Vector3::new(0.2, -0.5, 0.3).cross_matrix();
+        let directions = [
+            (along(&axes[0]) + along(&axes[1]) + volumetric + turn, [true, true]),
+            (along(&axes[0]) - along(&axes[1]) - volumetric, [true, false]),
+            (along(&axes[1]) - along(&axes[0]) + turn, [false, true]),
+            (volumetric - along(&axes[0]) - along(&axes[1]), [false, false]),
+        ];
+        for dispersion in [0.0, 0.1, 1.0 / 3.0] {
+            let material = material(dispersion, axes.map(Some));
+            let matrix = at_rest(&material, [false; 2]);
+            let found = material.evaluate(&Matrix3::identity()).unwrap().tangent;
+            assert!((found - matrix).norm() < 1e-15 * matrix.norm(), "{dispersion}: {found}");
+            for (direction, in_tension) in &directions {
+                let expected = at_rest(&material, *in_tension);
+                // The moduli deviate from those at rest by the order of the strain, and the stress by its square.
+                let f = Matrix3::identity() + direction * 0.5_f64.powi(42);
+                let response = material.evaluate(&f).unwrap();
+                let error = (response.tangent - expected).norm() / expected.norm();
+                assert!(error < 1e-11, "{dispersion} {in_tension:?}: {error:e}");
+                // The displacement gradient after rounding, exactly.
+                let h = f - Matrix3::identity();
+                let strain = (h + h.transpose()) * 0.5;
+                let stress = SVector::from(row_major(&response.pk1));
+                let hookes = expected * SVector::from(row_major(&strain));
+                let error = (stress - hookes).norm() / hookes.norm();
+                assert!(error < 1e-10, "{dispersion} {in_tension:?}: stress {error:e}");
+            }
+        }
     }
 }

@@ -1,6 +1,6 @@
 //! Faces of elements: the adjacent elements of each face and the side on which they lie.
 
-use super::{Elements, MeshError, Surface};
+use super::{Elements, Faces, MeshError, Surface};
 use crate::fem::element::{CellType, FaceNodes, FaceType};
 
 /// The corners of a face, independent of the corner that comes first and of the side from which the face is seen: the
@@ -165,6 +165,16 @@ impl<'a> ElementFaces<'a> {
         let count = self.faces[start..].iter().take_while(|face| face.key == key).count();
         &self.faces[start..start + count]
     }
+}
+
+/// Returns true if all these faces lie between two elements.
+pub(super) fn lie_between(elements: &Elements, faces: &Faces) -> bool {
+    let all = sorted_faces(elements);
+    faces.typed().all(|(face_type, nodes)| {
+        let (key, _) = key(&nodes[..face_type.corners()]);
+        let start = all.partition_point(|face| face.key < key);
+        all[start..].iter().take_while(|face| face.key == key).count() == 2
+    })
 }
 
 /// For each element, returns the elements that share a face with it, ascending.

@@ -172,6 +172,11 @@ impl Mesh {
         faces::neighbors(&self.elements)
     }
 
+    /// Returns true if all these faces lie between two elements.
+    pub(in crate::fem) fn lie_between_elements(&self, faces: &Faces) -> bool {
+        faces::lie_between(&self.elements, faces)
+    }
+
     /// Returns the names of the surfaces.
     pub fn surface_names(&self) -> impl Iterator<Item = &str> + '_ {
         self.surfaces.iter().map(|surface| surface.name.as_str())
