@@ -96,13 +96,14 @@ fn the_page_is_complete_and_self_contained() {
         "Force on the body through each loaded surface against its extension",
         "Wall time by phase",
         "Micro-scale Newton iterations",
+        "Pressure of each volume constraint",
         "element 17: det F = -0.2 &lt;= 0",
         "force x on right, N",
     ] {
         assert!(html.contains(words), "{words}");
     }
     assert!(!html.contains("force x on sides"), "a surface without load has no column");
-    assert_eq!(html.matches("<svg ").count(), 6);
+    assert_eq!(html.matches("<svg ").count(), 7);
     assert_eq!(html.matches("<tr>").count(), 1 + 10 + 1 + 1);
     let outside = html.replace("http://www.w3.org/2000/svg", "");
     for link in ["http:", "https:", "url(h", "url(/", "<script", "<link", "@import", " src="] {
@@ -115,11 +116,11 @@ fn missing_parts_are_left_out() {
     let pictures = |dir: &Path| page::page(dir, &PictureOptions::default()).unwrap().matches("<svg ").count();
     let dir = results();
     fs::remove_file(dir.path().join("fields.pvd")).unwrap();
-    assert_eq!(pictures(dir.path()), 5);
+    assert_eq!(pictures(dir.path()), 6);
     let html = page::page(dir.path(), &PictureOptions::default()).unwrap();
     assert!(html.contains("elongation in mm"), "without a mesh the length of the body is not known");
     fs::remove_file(dir.path().join("log.jsonl")).unwrap();
-    assert_eq!(pictures(dir.path()), 2);
+    assert_eq!(pictures(dir.path()), 3);
     let dir = results();
     fs::remove_file(dir.path().join("loads.csv")).unwrap();
     assert_eq!(pictures(dir.path()), 5);
