@@ -132,7 +132,8 @@ fn check_prints_the_plan_and_writes_nothing() {
         "6 tet4; 6 integration points",
         "8 free",
         "frozen.txt",
-        "x0, x1, y0, y1, z0, z1",
+        "condition  surface \"x1\" (2 faces, 1.0000e0 m^2): displacement x\n",
+        "free       surfaces y0, y1, z0, z1\n",
     ] {
         assert!(text.done().contains(words), "{words}: {}", text.stdout);
     }
