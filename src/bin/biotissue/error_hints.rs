@@ -63,7 +63,41 @@ const TOO_FAR: &str = "from the start: check the supports of the body, and the s
                        elements near collapse in the last fields, or raise `max_cuts` and continue with --resume";
 
 /// Returns the suggested cure for a failed load step.
-pub fn cure_of_step<F: std::error::Error + 'static>(
+pub fn cure_of_step<F: std::error::Error + 'static>(reason: &StepFailure<TissueFieldError, F>, case: &Case) -> String {
+    let cure = cure_of_reason(reason, &case.micro);
+    // Adaptive increments have a limit of their own.
+    if case.steps.adaptive.is_some() {
+        cure.replace("raise `max_cuts`", "lower `smallest` of `adaptive`")
+    } else {
+        cure
+    }
+}
+
+/// Returns what was expected of a failed load step.
+pub fn expected_of_step<F: std::error::Error + 'static>(reason: &StepFailure<TissueFieldError, F>) -> &'static str {
+    match reason {
+        NewtonError::Problem(EquilibriumError::UnbalancedLoads { .. }) => "loads that balance on the deformed body",
+        _ => "equilibrium with det F > 0 everywhere",
+    }
+}
+
+/// Describes the increments in which a failed load step was tried.
+pub fn increments_tried(case: &Case, halvings: u32) -> String {
+    match (case.steps.adaptive, halvings) {
+        (Some(adaptive), _) => format!("in increments down to {} of a step", adaptive.smallest),
+        (None, 1) => "halved once".into(),
+        (None, _) => format!("halved {halvings} times"),
+    }
+}
+
+/// Names the constraint of a singular system, whose error has only its number.
+pub fn constraint_of<F: std::error::Error + 'static>(case: &Case, reason: &StepFailure<TissueFieldError, F>) -> String {
+    let NewtonError::Solve(SolveError::SingularBorder { constraint, .. }) = reason else { return String::new() };
+    let constraint = case.constraints.get(*constraint);
+    constraint.map_or_else(String::new, |of| format!("; that constraint is `{}`", of.constraint.name))
+}
+
+fn cure_of_reason<F: std::error::Error + 'static>(
     reason: &StepFailure<TissueFieldError, F>,
     micro: &RveParams,
 ) -> String {
@@ -78,8 +112,9 @@ pub fn cure_of_step<F: std::error::Error + 'static>(
                 .into()
         }
         NewtonError::Problem(EquilibriumError::UnbalancedLoads { .. }) => {
-            "loads that balance at rest need not do so on the deformed body: hold the body by [[boundary]] or [[point]] instead \
-             of `free = \"rigid\"`, or let the loads follow it (`pressure`)"
+            "correct the loads if they do not balance at rest either (`biotissue check` warns of it); loads that do need not \
+             balance on the deformed body: hold it by [[boundary]] or [[point]] instead of `free = \"rigid\"`, or let the \
+             loads follow it (`pressure`)"
                 .into()
         }
         NewtonError::Problem(EquilibriumError::VolumeNotReached { .. }) => {

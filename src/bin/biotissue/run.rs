@@ -7,14 +7,16 @@ use biotissue::app::case::{Case, ScalesCase};
 use biotissue::app::results::LOADS_FILE;
 use biotissue::app::run::{RunError, RunSummary, Setup, Simulation, WriterGroup};
 use biotissue::coupling::{Config, Plan};
-use biotissue::las::{NewtonError, SolveError};
 
 use biotissue::tissue::micro_scale::TissueMaterial;
 use clap::Args;
 use serde::Serialize;
 
 use crate::dispatch::{Job, ProgramBackend, dispatch};
-use crate::error_hints::{CaseHints, cure_of_step, not_resumed, not_set_up, not_written, on_disk, replay_hint};
+use crate::error_hints::{
+    CaseHints, constraint_of, cure_of_step, expected_of_step, increments_tried, not_resumed, not_set_up, not_written,
+    on_disk, replay_hint,
+};
 use crate::failure::Failure;
 use crate::number::count;
 use crate::output;
@@ -292,7 +294,6 @@ pub fn take_steps<B: ProgramBackend, M: TissueMaterial>(
     dir: &Path,
     resume: bool,
 ) -> Result<Summary, Failure> {
-    let micro = simulation.case().micro;
     let mut completed_steps = 0;
     if !resume {
         let warnings = simulation.take_directory(writers, dir).map_err(not_written)?;
@@ -306,7 +307,10 @@ pub fn take_steps<B: ProgramBackend, M: TissueMaterial>(
         }
     }
     if !resume && writers.is_writer() && dir.join(LOADS_FILE).exists() {
-        output::message(&format!("replacing the results in {}; --resume would continue from them", dir.display()));
+        output::message(&format!(
+            "replacing the results in {}; --resume continues those of the same case",
+            dir.display()
+        ));
     }
     // Only the rank that writes reports progress.
     let mut progress = writers.is_writer().then(|| Reporter::new(&simulation.problem_size(), dir, completed_steps));
@@ -323,20 +327,12 @@ pub fn take_steps<B: ProgramBackend, M: TissueMaterial>(
             Ok(Summary { converged: true, steps, iterations, cuts, wasted_iterations, seconds, directory })
         }
         Err(RunError::NotConverged { step, count, reached, halvings, reason, failed_rve }) => {
-            let named = match &*reason {
-                NewtonError::Solve(SolveError::SingularBorder { constraint, .. }) => {
-                    let constraint = simulation.case().constraints.get(*constraint);
-                    constraint.map_or_else(String::new, |constraint| {
-                        format!("; that constraint is `{}`", constraint.constraint.name)
-                    })
-                }
-                _ => String::new(),
-            };
-            let what =
-                format!("load step {step} of {count} does not converge, halved {halvings} times: {reason}{named}");
+            let case = simulation.case();
+            let (increments, named) = (increments_tried(case, halvings), constraint_of(case, &reason));
+            let what = format!("load step {step} of {count} does not converge, {increments}: {reason}{named}");
             let place = format!("t = {reached}; {}{}", on_disk(step - 1, dir), replay_hint(failed_rve.as_deref()));
-            let cure = cure_of_step(&reason, &micro);
-            Err(Failure::not_converged(what, place, "equilibrium with det F > 0 everywhere", cure))
+            let cure = cure_of_step(&reason, case);
+            Err(Failure::not_converged(what, place, expected_of_step(&reason), cure))
         }
         Err(RunError::Results(error)) => Err(not_written(error)),
     }

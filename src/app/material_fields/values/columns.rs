@@ -56,7 +56,10 @@ pub(super) fn parse<const N: usize>(
     }
     let missing = elements.iter().filter(|&&element| lines[element] == 0);
     if let (true, Some(first)) = (errors.is_empty(), missing.clone().next()) {
-        let problem = format!("{} elements have no row, the first of them element {first}", missing.count());
+        let problem = match missing.count() {
+            1 => format!("element {first} has no row"),
+            count => format!("{count} elements have no row, the first of them element {first}"),
+        };
         let expected = "one row for each element of the region";
         errors.push(InputError::in_file(file, problem, expected, "add the missing rows"));
     }
@@ -71,6 +74,8 @@ pub(super) fn parse<const N: usize>(
 struct Header {
     element: Option<usize>,
     columns: Vec<usize>,
+    /// The number of columns of the first row.
+    width: usize,
 }
 
 impl Header {
@@ -105,7 +110,7 @@ impl Header {
             return Err(InputError { line, ..InputError::in_file(file, problem, "names that differ", cure) }.into());
         }
         let element = names.iter().position(is_element);
-        Ok(Self { element, columns: found.into_iter().flatten().collect() })
+        Ok(Self { element, columns: found.into_iter().flatten().collect(), width: names.len() })
     }
 
     /// Returns an unused column that numbers all rows, but not in their order: probably the elements under another name.
@@ -140,6 +145,10 @@ impl Header {
             let problem = format!("the row ends after column {}; column {} is needed", record.len(), last + 1);
             return Err([problem, "a cell for each column of the first row".to_owned()]);
         }
+        if record.len() > self.width {
+            let problem = format!("the row has {} columns; the first row has {}", record.len(), self.width);
+            return Err([problem, "a cell for each column of the first row, and decimal points".to_owned()]);
+        }
         let cell = |column: usize| String::from_utf8_lossy(&record[column]);
         let shown = |column: usize| format!("`{}`", excerpt(&cell(column)));
         let element = match self.element {
@@ -150,7 +159,7 @@ impl Header {
         };
         let line = lines.get(element).ok_or_else(|| {
             let last = total.saturating_sub(1);
-            [format!("there is no element {element}"), format!("elements from 0 to {last}")]
+            [format!("there is no element {element}"), format!("elements counted from 0 to {last}")]
         })?;
         if *line > 0 {
             let problem = format!("element {element} has a row at line {line} already");
@@ -195,7 +204,7 @@ mod tests {
             ("E\n1\n2 Pa\n3\n", "f.csv:3: `2 Pa` is not a number"),
             ("E,F\n1,1\n2,2\n\"\",3\n", "f.csv:4: `` is not a number"),
             ("F\n1\n2\n3\n", "f.csv:1: there is no column \"E\""),
-            ("element,E\n0,1\n", "f.csv: 1 elements have no row, the first of them element 2"),
+            ("element,E\n0,1\n", "f.csv: element 2 has no row"),
             ("element,E\n0,1\n2,1\n0,2\n", "f.csv:4: element 0 has a row at line 2 already"),
             ("element,E\n-1,1\n", "f.csv:2: the element is `-1`"),
             ("# moduli\r\nE\r\n1\r\n\r\n2 Pa\r\n", "f.csv:5: `2 Pa` is not a number"),
