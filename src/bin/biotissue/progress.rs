@@ -64,11 +64,18 @@ impl Reporter {
     }
 }
 
+/// The largest relative residual of a converged step that is not due to rounding; tolerances are below it.
+const LARGEST_RELATIVE: f64 = 0.1;
+
 impl Progress for Reporter {
     fn converged(&mut self, step: &Step) {
         self.completed_steps.store(step.step, Ordering::Relaxed);
         let newton = &step.newton;
-        let residual = newton.relative.last().copied().unwrap_or(0.0);
+        let residual = match newton.relative.last() {
+            // Without loads and stresses, only rounding is left, which no force makes small.
+            Some(relative) if *relative > LARGEST_RELATIVE => format!("{:.1e} N by rounding", newton.residual),
+            relative => format!("{:.1e}", relative.copied().unwrap_or(0.0)),
+        };
         let rves = step.rve.as_ref().map_or(String::new(), |rve| {
             let relaxation = match rve.relaxation_steps {
                 0 => String::new(),
@@ -82,7 +89,7 @@ impl Progress for Reporter {
             format!(", equilibrium restored {} time{plural} ({waiting} RVEs waiting, {deleted} deleted)", step.rounds)
         });
         let line = format!(
-            "step {}/{} t = {:.4}: {} iterations, residual {residual:.1e}{rves}{life}, {:.1} s",
+            "step {}/{} t = {:.4}: {} iterations, residual {residual}{rves}{life}, {:.1} s",
             step.step, self.count, step.t, newton.iterations, newton.seconds.total
         );
         match &self.bar {
