@@ -5,14 +5,15 @@
 //! the same stiffness. These are orders of magnitude, sufficient to find a modulus in MPa or a mesh in mm, and not used
 //! otherwise.
 
-use std::sync::Arc;
+mod loads;
+mod locking;
 
-use crate::app::case::{Case, Formula, LoadCurve, LoadValue, PointPlace, RigidCase, SurfaceLoad};
-use crate::fem::boundary::centroid;
-use crate::fem::element::ElementType;
+use crate::app::case::{Case, Formula, RigidCase, SurfaceLoad};
 use crate::fem::mesh::Mesh;
 use crate::las::RealBackend;
 use crate::tissue::micro_scale::Library;
+use loads::loads;
+use locking::{check_locking, greatest_poisson_ratio};
 
 /// Strain above which a load is implausible for tissue.
 const LARGEST_STRAIN: f64 = 3.0;
@@ -20,8 +21,6 @@ const LARGEST_STRAIN: f64 = 3.0;
 const SMALLEST_STRAIN: f64 = 1e-9;
 /// Above this ratio, the softer of two materials, in different regions or in parallel, contributes nothing.
 const LARGEST_RATIO: f64 = 1e6;
-/// Poisson ratio above which linear elements lock.
-const LARGEST_POISSON_RATIO: f64 = 0.45;
 /// Distance of a reference point from the body, in longest edges of the body, above which its unit is probably wrong.
 const LARGEST_DISTANCE: f64 = 10.0;
 /// Range of the longest edge of the body, m, outside of which its unit is probably wrong.
@@ -72,53 +71,6 @@ pub(super) fn warnings<B: RealBackend>(case: &Case, mesh: &Mesh, library: &Libra
     let mut warnings = check_magnitudes(case, mesh, &stiffnesses);
     let ratios = (0..case.regions.len()).map(|region| greatest_poisson_ratio(library.formulas_of_region(region)));
     warnings.extend(check_locking(case, mesh, &ratios.collect::<Vec<_>>()));
-    warnings
-}
-
-/// The greatest Poisson ratio of these formulas at rest; 0 without any.
-fn greatest_poisson_ratio(formulas: &[Arc<Formula>]) -> f64 {
-    let ratios = formulas.iter().map(|formula| {
-        let [mu, bulk] = formula.mean_moduli();
-        (3.0 * bulk - 2.0 * mu) / (6.0 * bulk + 2.0 * mu)
-    });
-    ratios.fold(0.0, f64::max)
-}
-
-/// Finds linear elements in nearly incompressible materials, which lock, given the greatest Poisson ratio of each region.
-fn check_locking(case: &Case, mesh: &Mesh, poisson_ratios: &[f64]) -> Vec<String> {
-    let (mut has_plain, mut has_wedges) = (vec![false; case.regions.len()], vec![false; case.regions.len()]);
-    let mut in_patch = vec![false; mesh.elements().len()];
-    mesh.patches().iter().flatten().for_each(|&element| in_patch[element as usize] = true);
-    let of_mesh: Vec<Option<usize>> = mesh.regions().iter().map(|name| case.region_of(name)).collect();
-    for ((element_type, _), (&region, in_patch)) in mesh.elements().typed().zip(mesh.region_of().iter().zip(in_patch)) {
-        let Some(region) = of_mesh[region as usize] else { continue };
-        match element_type {
-            ElementType::Tet4 | ElementType::Hex8 => has_plain[region] |= !in_patch,
-            ElementType::Wedge6 => has_wedges[region] = true,
-            ElementType::Tet10 | ElementType::Hex20 | ElementType::Hex27 => {}
-        }
-    }
-    // Wedges have no form of order 2.
-    let or_quadratic = if mesh.elements().typed().any(|(element_type, _)| element_type == ElementType::Wedge6) {
-        ""
-    } else {
-        ", or `order = 2` in [mesh]"
-    };
-    let mut warnings = Vec::new();
-    for (number, &nu) in poisson_ratios.iter().enumerate().filter(|(_, nu)| **nu > LARGEST_POISSON_RATIO) {
-        let nu = (nu * 1e4).round() / 1e4;
-        if has_plain[number] {
-            let cure = format!("set `f_bar = true` here{or_quadratic}");
-            let message = format!("its linear elements lock at a Poisson ratio of {nu}: {cure}");
-            warnings.push(in_region(case, number, &message));
-        }
-        if has_wedges[number] {
-            let cure = "mesh it with tetrahedra or hexahedra, and set `f_bar = true` here, or, if the mesh then has no \
-                        wedges, `order = 2` in [mesh]";
-            let message = format!("its wedges lock at a Poisson ratio of {nu}, and have no `f_bar`: {cure}");
-            warnings.push(in_region(case, number, &message));
-        }
-    }
     warnings
 }
 
@@ -211,121 +163,6 @@ fn check_stiffnesses<'a>(case: &'a Case, stiffnesses: &'a [Stiffness]) -> impl I
     within.chain(between_regions)
 }
 
-/// A load and the strain that it would cause.
-struct Load {
-    line: usize,
-    strain: f64,
-    /// The warning if the strain is too large.
-    message: String,
-}
-
-fn loads(case: &Case, mesh: &Mesh, edge: f64, softest: Option<&Stiffness>) -> Vec<Load> {
-    let displacement = |line: usize, place: &str, most: f64| {
-        let message = format!(
-            "the displacement of {place} is {} m, and the longest edge of the body {} m: are both in m? `scale` of [mesh] is \
-             the length of a mesh unit in m",
-            short(most),
-            short(edge)
-        );
-        Load { line, strain: most / edge, message }
-    };
-    let force = |line: usize, what: &str, most: f64, length: Option<f64>| {
-        let soft = softest?;
-        let stress = most * length.unwrap_or(1.0);
-        let unit = if length.is_some() { "N/m^3" } else { "Pa" };
-        let strain = stress / soft.total();
-        let over = length.map_or(String::new(), |edge| format!(" over {} m", short(edge)));
-        let message = format!(
-            "{what} is {} {unit}{over}, {} times the stiffness of the region \"{}\", about {} Pa: are both in Pa?",
-            short(most),
-            short(strain),
-            case.regions[soft.region].name,
-            short(soft.total())
-        );
-        Some(Load { line, strain, message })
-    };
-    let rotations = case.boundaries.iter().filter_map(|boundary| {
-        let SurfaceLoad::Rigid(rigid) = &boundary.load else { return None };
-        let components: Vec<&LoadValue> = rigid.rotation.iter().flatten().collect();
-        let most = greatest(&components, &boundary.curve, || reference_of(case, mesh, &boundary.surface, rigid));
-        let message = format!(
-            "the rotation of surface \"{}\" is {} rad, {} turns: is it in rad?",
-            boundary.surface,
-            short(most),
-            short(most / std::f64::consts::TAU)
-        );
-        Some(Load { line: boundary.line, strain: most, message })
-    });
-    let boundaries = case.boundaries.iter().filter_map(|boundary| {
-        let place = format!("surface \"{}\"", boundary.surface);
-        let most = greatest(&boundary.load.values(), &boundary.curve, || nodes_of(mesh, &boundary.surface));
-        match &boundary.load {
-            SurfaceLoad::Displacement(_) => Some(displacement(boundary.line, &place, most)),
-            SurfaceLoad::Traction(_) => force(boundary.line, &format!("the traction on {place}"), most, None),
-            SurfaceLoad::Pressure(_) => force(boundary.line, &format!("the pressure on {place}"), most, None),
-            SurfaceLoad::Rigid(rigid) => {
-                let components: Vec<&LoadValue> = rigid.displacement.iter().flatten().collect();
-                let reference = || reference_of(case, mesh, &boundary.surface, rigid);
-                Some(displacement(boundary.line, &place, greatest(&components, &boundary.curve, reference)))
-            }
-            SurfaceLoad::Foundation(_) | SurfaceLoad::Symmetry => None,
-        }
-    });
-    let points = case.points.iter().map(|point| {
-        let node = || match point.place {
-            PointPlace::At(position) => mesh.nearest_node(position.map(|x| x * case.mesh_scale)).0,
-            PointPlace::Node(node) => node,
-        };
-        let components: Vec<&LoadValue> = point.displacement.iter().flatten().collect();
-        let most = greatest(&components, &point.curve, || mesh.nodes().get(node()).copied().into_iter().collect());
-        displacement(point.line, "this point", most)
-    });
-    let forces = case.body_forces.iter().filter_map(|body| {
-        let most = greatest(&body.value.each_ref(), &body.curve, || mesh.nodes().to_vec());
-        force(body.line, "the body force", most, Some(edge))
-    });
-    boundaries.chain(rotations).chain(points).chain(forces).collect()
-}
-
-/// Returns the positions of the nodes of a surface.
-fn nodes_of(mesh: &Mesh, surface: &str) -> Vec<[f64; 3]> {
-    let surface = mesh.surfaces().iter().find(|other| other.name == surface);
-    surface.map_or_else(Vec::new, |surface| mesh.positions_of(&surface.nodes()))
-}
-
-/// Returns the reference point of a rigid surface, m.
-fn reference_of(case: &Case, mesh: &Mesh, surface: &str, rigid: &RigidCase) -> Vec<[f64; 3]> {
-    let given = rigid.reference.map(|point| point.map(|x| x * case.mesh_scale));
-    let surface = mesh.surfaces().iter().find(|other| other.name == surface);
-    given.or_else(|| surface.map(|surface| centroid(mesh, surface))).into_iter().collect()
-}
-
-/// Pseudo-times at which the magnitude of an expression is sampled.
-const SAMPLES: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
-
-/// The largest absolute value of a load; expressions are sampled at these positions where they are finite.
-fn greatest(values: &[&LoadValue], curve: &LoadCurve, positions: impl FnOnce() -> Vec<[f64; 3]>) -> f64 {
-    let terms: Vec<(f64, LoadCurve)> = values.iter().map(|value| value.with_curve(curve)).collect();
-    let is_function = |(_, curve): &(f64, LoadCurve)| matches!(curve, LoadCurve::Function(_));
-    let positions = if terms.iter().any(is_function) { positions() } else { Vec::new() };
-    let most = |(value, curve): &(f64, LoadCurve)| value.abs() * peak(curve, &positions);
-    terms.iter().map(most).fold(0.0, f64::max)
-}
-
-/// The largest absolute factor of a curve.
-fn peak(curve: &LoadCurve, positions: &[[f64; 3]]) -> f64 {
-    match curve {
-        LoadCurve::Function(function) => {
-            // A body force may be infinite at a node: it acts at integration points.
-            let at =
-                |t: f64| positions.iter().map(move |&x| function.factor(t, x).abs()).filter(|value| value.is_finite());
-            SAMPLES.into_iter().flat_map(at).fold(0.0, f64::max)
-        }
-        LoadCurve::Ramp => 1.0,
-        LoadCurve::Table(table) => table.points().iter().fold(0.0, |most: f64, [_, factor]| most.max(factor.abs())),
-    }
-}
-
 /// The longest edge of the bounding box of the body, m.
 fn longest_edge(mesh: &Mesh) -> f64 {
     let [low, high] = mesh.bounding_box();
@@ -349,8 +186,10 @@ fn in_region(case: &Case, region: usize, message: &str) -> String {
 #[cfg(test)]
 mod tests {
     use std::path::Path;
+    use std::sync::Arc;
 
     use super::*;
+    use crate::fem::element::ElementType;
     use crate::fem::mesh::shapes::{cuboid, cuboid_of};
 
     const CASE: &str = r#"[mesh]

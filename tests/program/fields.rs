@@ -7,7 +7,7 @@ use biotissue::app::results::Loads;
 use crate::{frozen, line};
 
 /// A bar of 1 m x 0.5 m x 0.5 m that slides on three sides and is pulled at its end.
-const BAR: &str = r#"
+pub const BAR: &str = r#"
 [mesh]
 generate = { shape = "box", cells = [CELLS, 1, 1], size = [1.0, 0.5, 0.5], element = "hex8" }
 [[region]]

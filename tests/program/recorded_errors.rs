@@ -10,34 +10,15 @@ use std::path::Path;
 use biotissue::fem::element::ElementType;
 use biotissue::fem::mesh::{gmsh, shapes};
 
-use crate::fields::CELLS;
+use crate::fields::{BAR, CELLS};
 use crate::hollow_box::hollow_box;
 use crate::line;
 
 const FILE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/program/recorded_errors.txt");
 const ENTRIES: &str = include_str!("recorded_errors.txt");
 
-/// A bar that slides on three sides and is pulled at its end.
-const BAR: &str = r#"[mesh]
-generate = { shape = "box", cells = [2, 1, 1], size = [1.0, 0.5, 0.5], element = "hex8" }
-[[region]]
-name = "*"
-material = { model = "neo-hookean", youngs_modulus = 1.0e3, poisson_ratio = 0.3 }
-[[boundary]]
-surface = "x0"
-displacement = { x = 0.0 }
-[[boundary]]
-surface = "y0"
-displacement = { y = 0.0 }
-[[boundary]]
-surface = "z0"
-displacement = { z = 0.0 }
-[[boundary]]
-surface = "x1"
-traction = [2.0, 0.0, 0.0]
-[steps]
-count = 2
-"#;
+/// The material of the bar.
+const MATERIAL: &str = "model = \"neo-hookean\", youngs_modulus = 1.0e3, poisson_ratio = 0.3";
 
 /// A box with a cavity, whose side x1 is pulled.
 const HOLLOW: &str = r#"[mesh]
@@ -69,7 +50,8 @@ fn messages(folder: &Path, base: &str, changes: &str) -> String {
     if base == "command" {
         return line(folder, changes.trim_end()).stderr;
     }
-    let mut case = if base == "hollow" { HOLLOW.to_owned() } else { BAR.to_owned() };
+    let bar = || BAR.trim_start().replace("CELLS", "2").replace("MATERIAL", MATERIAL);
+    let mut case = if base == "hollow" { HOLLOW.to_owned() } else { bar() };
     let mut parts = changes.split("+++ ");
     for change in parts.next().unwrap_or_default().lines() {
         let (from, to) = change.split_once(" => ").unwrap_or_else(|| panic!("a change: {change}"));

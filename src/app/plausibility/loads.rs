@@ -1,0 +1,121 @@
+//! The loads of a case, each with the strain that it would cause in a uniform body.
+
+use super::{Stiffness, short};
+use crate::app::case::{Case, LoadCurve, LoadValue, PointPlace, RigidCase, SurfaceLoad};
+use crate::fem::boundary::centroid;
+use crate::fem::mesh::Mesh;
+
+/// A load and the strain that it would cause.
+pub(super) struct Load {
+    pub line: usize,
+    pub strain: f64,
+    /// The warning if the strain is too large.
+    pub message: String,
+}
+
+pub(super) fn loads(case: &Case, mesh: &Mesh, edge: f64, softest: Option<&Stiffness>) -> Vec<Load> {
+    let displacement = |line: usize, place: &str, most: f64| {
+        let message = format!(
+            "the displacement of {place} is {} m, and the longest edge of the body {} m: are both in m? `scale` of [mesh] is \
+             the length of a mesh unit in m",
+            short(most),
+            short(edge)
+        );
+        Load { line, strain: most / edge, message }
+    };
+    let force = |line: usize, what: &str, most: f64, length: Option<f64>| {
+        let soft = softest?;
+        let stress = most * length.unwrap_or(1.0);
+        let unit = if length.is_some() { "N/m^3" } else { "Pa" };
+        let strain = stress / soft.total();
+        let over = length.map_or(String::new(), |edge| format!(" over {} m", short(edge)));
+        let message = format!(
+            "{what} is {} {unit}{over}, {} times the stiffness of the region \"{}\", about {} Pa: are both in Pa?",
+            short(most),
+            short(strain),
+            case.regions[soft.region].name,
+            short(soft.total())
+        );
+        Some(Load { line, strain, message })
+    };
+    let rotations = case.boundaries.iter().filter_map(|boundary| {
+        let SurfaceLoad::Rigid(rigid) = &boundary.load else { return None };
+        let components: Vec<&LoadValue> = rigid.rotation.iter().flatten().collect();
+        let most = greatest(&components, &boundary.curve, || reference_of(case, mesh, &boundary.surface, rigid));
+        let message = format!(
+            "the rotation of surface \"{}\" is {} rad, {} turns: is it in rad?",
+            boundary.surface,
+            short(most),
+            short(most / std::f64::consts::TAU)
+        );
+        Some(Load { line: boundary.line, strain: most, message })
+    });
+    let boundaries = case.boundaries.iter().filter_map(|boundary| {
+        let place = format!("surface \"{}\"", boundary.surface);
+        let most = greatest(&boundary.load.values(), &boundary.curve, || nodes_of(mesh, &boundary.surface));
+        match &boundary.load {
+            SurfaceLoad::Displacement(_) => Some(displacement(boundary.line, &place, most)),
+            SurfaceLoad::Traction(_) => force(boundary.line, &format!("the traction on {place}"), most, None),
+            SurfaceLoad::Pressure(_) => force(boundary.line, &format!("the pressure on {place}"), most, None),
+            SurfaceLoad::Rigid(rigid) => {
+                let components: Vec<&LoadValue> = rigid.displacement.iter().flatten().collect();
+                let reference = || reference_of(case, mesh, &boundary.surface, rigid);
+                Some(displacement(boundary.line, &place, greatest(&components, &boundary.curve, reference)))
+            }
+            SurfaceLoad::Foundation(_) | SurfaceLoad::Symmetry => None,
+        }
+    });
+    let points = case.points.iter().map(|point| {
+        let node = || match point.place {
+            PointPlace::At(position) => mesh.nearest_node(position.map(|x| x * case.mesh_scale)).0,
+            PointPlace::Node(node) => node,
+        };
+        let components: Vec<&LoadValue> = point.displacement.iter().flatten().collect();
+        let most = greatest(&components, &point.curve, || mesh.nodes().get(node()).copied().into_iter().collect());
+        displacement(point.line, "this point", most)
+    });
+    let forces = case.body_forces.iter().filter_map(|body| {
+        let most = greatest(&body.value.each_ref(), &body.curve, || mesh.nodes().to_vec());
+        force(body.line, "the body force", most, Some(edge))
+    });
+    boundaries.chain(rotations).chain(points).chain(forces).collect()
+}
+
+/// Returns the positions of the nodes of a surface.
+fn nodes_of(mesh: &Mesh, surface: &str) -> Vec<[f64; 3]> {
+    let surface = mesh.surfaces().iter().find(|other| other.name == surface);
+    surface.map_or_else(Vec::new, |surface| mesh.positions_of(&surface.nodes()))
+}
+
+/// Returns the reference point of a rigid surface, m.
+fn reference_of(case: &Case, mesh: &Mesh, surface: &str, rigid: &RigidCase) -> Vec<[f64; 3]> {
+    let given = rigid.reference.map(|point| point.map(|x| x * case.mesh_scale));
+    let surface = mesh.surfaces().iter().find(|other| other.name == surface);
+    given.or_else(|| surface.map(|surface| centroid(mesh, surface))).into_iter().collect()
+}
+
+/// Pseudo-times at which the magnitude of an expression is sampled.
+const SAMPLES: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
+
+/// The largest absolute value of a load; expressions are sampled at these positions where they are finite.
+fn greatest(values: &[&LoadValue], curve: &LoadCurve, positions: impl FnOnce() -> Vec<[f64; 3]>) -> f64 {
+    let terms: Vec<(f64, LoadCurve)> = values.iter().map(|value| value.with_curve(curve)).collect();
+    let is_function = |(_, curve): &(f64, LoadCurve)| matches!(curve, LoadCurve::Function(_));
+    let positions = if terms.iter().any(is_function) { positions() } else { Vec::new() };
+    let most = |(value, curve): &(f64, LoadCurve)| value.abs() * peak(curve, &positions);
+    terms.iter().map(most).fold(0.0, f64::max)
+}
+
+/// The largest absolute factor of a curve.
+fn peak(curve: &LoadCurve, positions: &[[f64; 3]]) -> f64 {
+    match curve {
+        LoadCurve::Function(function) => {
+            // A body force may be infinite at a node: it acts at integration points.
+            let at =
+                |t: f64| positions.iter().map(move |&x| function.factor(t, x).abs()).filter(|value| value.is_finite());
+            SAMPLES.into_iter().flat_map(at).fold(0.0, f64::max)
+        }
+        LoadCurve::Ramp => 1.0,
+        LoadCurve::Table(table) => table.points().iter().fold(0.0, |most: f64, [_, factor]| most.max(factor.abs())),
+    }
+}
