@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::case::{
     BodyForceCase, BoundaryCase, Case, LoadCurve, LoadValue, MeshSource, PointPlace, QuadraticCase, RigidCase,
-    SurfaceLoad, terms,
+    SolverCase, SurfaceLoad, terms,
 };
 use super::vtu;
 use crate::fem::assembly;
@@ -381,7 +381,13 @@ pub fn step_params(case: &Case) -> StepParams {
         start: case.newton.start,
         ..StepParams::default()
     };
-    params.solver.method = case.newton.solver;
+    if let Some(SolverCase { method, fixed_tolerance }) = case.newton.solver {
+        params.solver.method = method;
+        params.solver_by_size = false;
+        if fixed_tolerance {
+            params.newton.forcing = None;
+        }
+    }
     params.newton.tolerance = case.newton.tolerance;
     params.newton.max_iterations = case.newton.max_iterations;
     params.newton.step_tolerance = case.newton.displacement_tolerance;

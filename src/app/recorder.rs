@@ -298,7 +298,7 @@ impl<'a> Recorder<'a> {
         field: &M,
     ) -> Result<(), ResultsError> {
         let written = self.fields.entries().last().map_or(0.0, |entry| entry.time);
-        if state.t <= written {
+        if self.every == 0 || state.t <= written {
             return Ok(());
         }
         self.write_fields((step, state.t <= t_of_step), mesh, (state, constraints), field)
@@ -309,12 +309,15 @@ impl<'a> Recorder<'a> {
 impl Recorder<'_> {
     pub fn converged<M: TissueMaterial>(&mut self, step: &ConvergedStep<'_, M>) -> Result<(), ResultsError> {
         self.write_loads(step)?;
-        if step.step.is_multiple_of(self.every) || step.step == step.count {
+        if self.every > 0 && (step.step.is_multiple_of(self.every) || step.step == step.count) {
             self.write_fields((step.step, true), step.mesh, (step.state, step.constraints), step.field)?;
         }
         self.write_times(step.step, &step.field.take_times())?;
         let stats = step.field.take_stats();
         let total = std::mem::replace(&mut self.started, std::time::Instant::now()).elapsed().as_secs_f64();
+        let mut newton = newton_log(&step.report.solves, step.report.seconds(), total);
+        newton.linear_iterations += step.report.linearized_iterations;
+        newton.fallbacks = step.report.fallbacks();
         let line = Step {
             step: step.step,
             t: step.t,
@@ -322,7 +325,7 @@ impl Recorder<'_> {
             cuts: step.report.cuts as u32,
             rounds: step.report.evolutions,
             augmentations: step.report.augmentations,
-            newton: newton_log(&step.report.solves, step.report.seconds(), total),
+            newton,
             rve: (step.field.sites().rves() > 0).then(|| rve_log(&stats, step.field)),
             balance: balance(&step.forces),
         };
@@ -376,8 +379,10 @@ fn newton_log(reports: &[NewtonReport], seconds: las::NewtonSeconds, total: f64)
             ldlt: sum(|report| report.ldlt),
             lu: sum(|report| report.lu),
             approximate: sum(|report| report.approximate),
+            kept: sum(|report| report.kept),
         },
         linear_iterations: sum(|report| report.linear_iterations),
+        fallbacks: sum(|report| report.fallbacks),
         seconds: NewtonSeconds {
             point_field: seconds.residual,
             assembly: seconds.jacobian,

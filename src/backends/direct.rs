@@ -177,6 +177,9 @@ macro_rules! impl_direct_solver {
             /// See [`crate::las::Solver::factor`].
             fn factor(solver: &mut Solver<Self>, a: &Matrix<Self>) -> Result<FactorReport, Failure>;
 
+            /// See [`crate::las::Solver::update`].
+            fn update(solver: &mut Solver<Self>, a: &Matrix<Self>) -> Result<FactorReport, Failure>;
+
             /// See [`crate::las::Solver::factor_definite`].
             fn factor_definite(solver: &mut Solver<Self>, a: &Matrix<Self>) -> Result<FactorReport, Failure>;
 
@@ -196,6 +199,24 @@ macro_rules! impl_direct_solver {
                 T::factor(self, a)
             }
 
+            fn update(&mut self, a: &Matrix<T>) -> Result<FactorReport, Failure> {
+                T::update(self, a)
+            }
+
+            fn set_tolerance(&mut self, tolerance: f64) {
+                if let Some(iterative) = &mut self.iterative {
+                    iterative.set_tolerance(tolerance);
+                }
+            }
+
+            fn uses_near_null_space(&self) -> bool {
+                self.iterative.as_ref().is_some_and(|iterative| iterative.uses_near_null_space())
+            }
+
+            fn set_near_null_space(&mut self, vectors: &[Vec<T>]) -> Result<(), Failure> {
+                self.iterative.as_mut().map_or(Ok(()), |iterative| iterative.set_near_null_space(vectors))
+            }
+
             fn factor_definite(&mut self, a: &Matrix<T>) -> Result<FactorReport, Failure> {
                 T::factor_definite(self, a)
             }
@@ -213,6 +234,10 @@ macro_rules! impl_direct_solver {
 
             fn factor(solver: &mut Solver<Self>, a: &Matrix<Self>) -> Result<FactorReport, Failure> {
                 solver.factor_any(a)
+            }
+
+            fn update(solver: &mut Solver<Self>, a: &Matrix<Self>) -> Result<FactorReport, Failure> {
+                solver.update_any(a)
             }
 
             fn factor_definite(solver: &mut Solver<Self>, a: &Matrix<Self>) -> Result<FactorReport, Failure> {

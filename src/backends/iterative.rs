@@ -15,11 +15,49 @@ pub(super) trait ApproximateInverse<B: Backend>: Send + Sync {
     fn compute(&mut self, a: &B::Matrix) -> Result<Option<Pivots>, Failure<B>>;
 
     /// Computes `y`, an approximation of `A^-1 x`.
-    fn apply(&self, x: &B::Vector, y: &mut B::Vector) -> Result<(), Failure<B>>;
+    fn apply(&mut self, x: &B::Vector, y: &mut B::Vector) -> Result<(), Failure<B>>;
 
     /// Returns the number of values in the incomplete factorization; `None` for other preconditioners.
     fn entries(&self) -> Option<usize> {
         None
+    }
+
+    /// Takes over the matrix `a` but keeps the preconditioner. Returns false if the preconditioner does not support it.
+    fn keep(&mut self, a: &B::Matrix) -> Result<bool, Failure<B>> {
+        let _ = a;
+        Ok(false)
+    }
+
+    /// Computes the preconditioner of the matrix that [`ApproximateInverse::keep`] took over.
+    fn refresh(&mut self) -> Result<(), Failure<B>> {
+        Ok(())
+    }
+
+    /// Returns true if the preconditioner stores the matrix, so that no other copy is needed.
+    fn stores_matrix(&self) -> bool {
+        false
+    }
+
+    /// Computes `y = A x` with the stored matrix.
+    fn product(&mut self, x: &B::Vector, y: &mut B::Vector) -> Result<(), Failure<B>> {
+        let _ = (x, y);
+        Err(SolveError::NotFactored)
+    }
+
+    /// Returns a copy of the stored matrix.
+    fn matrix(&self) -> Option<B::Matrix> {
+        None
+    }
+
+    /// Returns true if the preconditioner uses vectors on which the matrix is almost zero.
+    fn uses_near_null_space(&self) -> bool {
+        false
+    }
+
+    /// Sets vectors on which the matrix is almost zero.
+    fn set_near_null_space(&mut self, vectors: &[Vec<B::Scalar>]) -> Result<(), Failure<B>> {
+        let _ = vectors;
+        Ok(())
     }
 }
 
@@ -37,7 +75,7 @@ impl<B: Backend<Scalar: Scalar, Vector: Sync>> ApproximateInverse<B> for SimpleP
         Ok(Some(d.with_local(pivots)?))
     }
 
-    fn apply(&self, x: &B::Vector, y: &mut B::Vector) -> Result<(), Failure<B>> {
+    fn apply(&mut self, x: &B::Vector, y: &mut B::Vector) -> Result<(), Failure<B>> {
         let product = |y: &mut [B::Scalar]| {
             x.with_local(|x| match self {
                 Self::None => {
@@ -55,14 +93,24 @@ impl<B: Backend<Scalar: Scalar, Vector: Sync>> ApproximateInverse<B> for SimpleP
     }
 }
 
+/// A kept preconditioner is computed again if the number of iterations per decimal digit exceeds that of the matrix it
+/// was computed from by this factor.
+const SLOWER: f64 = 1.5;
+
 /// A Krylov solver with its matrix and preconditioner.
 pub(super) struct IterativeSolver<B: Backend> {
     unknowns: usize,
-    /// A copy of the matrix, because its owner may change it between two solves.
+    /// A copy of the matrix, because its owner may change it between two solves; `None` if the preconditioner has one.
     a: Option<B::Matrix>,
     ready: bool,
     inverse: Box<dyn ApproximateInverse<B>>,
     space: KrylovSpace<B>,
+    /// Whether the preconditioner is that of an earlier matrix.
+    is_kept: bool,
+    /// Number of iterations per decimal digit with the matrix of the preconditioner, the most so far.
+    rate: f64,
+    /// Whether the last solve with a kept preconditioner took too many iterations.
+    is_slow: bool,
 }
 
 impl<B: SingleLane<Matrix: Clone>> IterativeSolver<B> {
@@ -73,7 +121,7 @@ impl<B: SingleLane<Matrix: Clone>> IterativeSolver<B> {
         inverse: Box<dyn ApproximateInverse<B>>,
     ) -> Result<Self, Failure<B>> {
         let space = KrylovSpace::new(context, unknowns, method)?;
-        Ok(Self { unknowns, a: None, ready: false, inverse, space })
+        Ok(Self { unknowns, a: None, ready: false, inverse, space, is_kept: false, rate: 0.0, is_slow: false })
     }
 
     /// Returns the number of values in the incomplete factorization, if there is one.
@@ -81,19 +129,62 @@ impl<B: SingleLane<Matrix: Clone>> IterativeSolver<B> {
         self.inverse.entries()
     }
 
+    /// Sets the relative residual at which the next solves stop.
+    pub(super) fn set_tolerance(&mut self, tolerance: f64) {
+        self.space.set_tolerance(tolerance);
+    }
+
+    pub(super) fn uses_near_null_space(&self) -> bool {
+        self.inverse.uses_near_null_space()
+    }
+
+    pub(super) fn set_near_null_space(&mut self, vectors: &[Vec<B::Scalar>]) -> Result<(), Failure<B>> {
+        self.inverse.set_near_null_space(vectors)
+    }
+
+    /// Returns a copy of the matrix.
+    pub(super) fn matrix(&self) -> Option<B::Matrix> {
+        self.a.clone().or_else(|| self.inverse.matrix())
+    }
+
     /// Copies the matrix and computes its preconditioner; the caller has checked its size. Also returns the pivots of
     /// the preconditioner if it has any.
     pub(super) fn factor(&mut self, a: &B::Matrix) -> Result<(FactorReport, Option<Pivots>), Failure<B>> {
         self.ready = false;
         let pivots = self.inverse.compute(a)?;
-        match &mut self.a {
-            Some(kept) => kept.clone_from(a),
-            None => self.a = Some(a.clone()),
+        (self.is_kept, self.rate, self.is_slow) = (false, 0.0, false);
+        if !self.inverse.stores_matrix() {
+            match &mut self.a {
+                Some(kept) => kept.clone_from(a),
+                None => self.a = Some(a.clone()),
+            }
         }
         self.ready = true;
         let pivot_ratio = pivots.as_ref().map_or(1.0, Pivots::ratio);
         let kind = Factorization::Approximate;
         Ok((FactorReport { kind, indefinite_at: None, pivot_ratio, negative_pivots: None }, pivots))
+    }
+
+    /// Does the same as `factor`, but keeps the preconditioner of an earlier matrix as long as the number of iterations
+    /// hardly grows.
+    pub(super) fn update(&mut self, a: &B::Matrix) -> Result<FactorReport, Failure<B>> {
+        if !self.ready || !self.inverse.keep(a)? {
+            return self.factor(a).map(|(report, _)| report);
+        }
+        self.is_kept = true;
+        if self.is_slow {
+            self.refresh()?;
+        }
+        let kind = if self.is_kept { Factorization::Kept } else { Factorization::Approximate };
+        Ok(FactorReport { kind, indefinite_at: None, pivot_ratio: 1.0, negative_pivots: None })
+    }
+
+    /// Computes the preconditioner of the current matrix.
+    fn refresh(&mut self) -> Result<(), Failure<B>> {
+        self.ready = false;
+        self.inverse.refresh()?;
+        (self.is_kept, self.rate, self.is_slow, self.ready) = (false, 0.0, false, true);
+        Ok(())
     }
 
     /// Does the same as `factor`, but returns [`SolveError::Indefinite`] if a pivot of the preconditioner is negative.
@@ -110,13 +201,48 @@ impl<B: SingleLane<Matrix: Clone>> IterativeSolver<B> {
 
     pub(super) fn solve_columns(&mut self, b: &[B::Vector], x: &mut [B::Vector]) -> Result<SolveReport, Failure<B>> {
         check_columns(self.unknowns, b.iter().map(VectorOps::len), x.iter().map(VectorOps::len))?;
-        let Self { a: Some(a), ready: true, inverse, space, .. } = self else { return Err(SolveError::NotFactored) };
+        if !self.ready {
+            return Err(SolveError::NotFactored);
+        }
         let mut sum = SolveReport::DIRECT;
         for (b, x) in b.iter().zip(x) {
-            let mut product = |x: &B::Vector, y: &mut B::Vector| a.mul(x, y);
-            let mut precondition = |x: &B::Vector, y: &mut B::Vector| inverse.apply(x, y);
-            sum = sum.merge(space.solve(&mut product, &mut precondition, b, x)?);
+            let mut report = self.solve(b, x);
+            if let (Err(SolveError::NotConverged { iterations, .. }), true) = (&report, self.is_kept) {
+                let wasted = *iterations;
+                self.refresh()?;
+                report = self.solve(b, x).map(|of| SolveReport { iterations: of.iterations + wasted, ..of });
+            }
+            sum = sum.merge(report?);
         }
         Ok(sum)
+    }
+
+    fn solve(&mut self, b: &B::Vector, x: &mut B::Vector) -> Result<SolveReport, Failure<B>> {
+        let Self { a, inverse, space, .. } = self;
+        // Both functions borrow the preconditioner, one after the other.
+        let inverse = std::cell::RefCell::new(inverse);
+        let mut product = |x: &B::Vector, y: &mut B::Vector| match &a {
+            Some(a) => a.mul(x, y),
+            None => inverse.borrow_mut().product(x, y),
+        };
+        let mut precondition = |x: &B::Vector, y: &mut B::Vector| inverse.borrow_mut().apply(x, y);
+        let report = space.solve(&mut product, &mut precondition, b, x)?;
+        self.judge(&report);
+        Ok(report)
+    }
+
+    /// Compares the number of iterations with that for the matrix of the preconditioner.
+    fn judge(&mut self, report: &SolveReport) {
+        let digits = -report.residual.log10();
+        // Fewer than two digits say little about the rate.
+        if !(digits.is_finite() && digits >= 2.0) {
+            return;
+        }
+        let rate = report.iterations as f64 / digits;
+        if self.is_kept {
+            self.is_slow = self.rate > 0.0 && rate > SLOWER * self.rate;
+        } else {
+            self.rate = self.rate.max(rate);
+        }
     }
 }

@@ -4,6 +4,7 @@
 mod checks;
 mod constraints;
 mod linearize;
+mod near_null_space;
 mod problem;
 
 use std::sync::Arc;
@@ -20,6 +21,7 @@ use super::point_field::{PointField, PointResponses};
 use super::reactions::BoundaryForces;
 use crate::las::{Backend, RealBackend, VectorOps};
 use constraints::Volumes;
+pub use linearize::LinearizedStart;
 
 /// The reason why the body has no residual at a state, or why a state cannot be committed.
 #[derive(Clone, Debug, Error, PartialEq)]

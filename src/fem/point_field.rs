@@ -102,6 +102,12 @@ pub trait PointField {
     /// As for [`PointField::commit`].
     fn revert(&mut self) -> Result<(), Self::Error>;
 
+    /// Returns true if all points together are evaluated in much less time than a large stiffness is factored, as
+    /// formulas are, so that an additional iteration pays if it saves a factorization.
+    fn is_cheap(&self) -> bool {
+        false
+    }
+
     /// Returns true if an error does not depend on the trial state (another rank is gone), so that no shorter step
     /// helps.
     fn is_final(_: &Self::Error) -> bool {
@@ -178,6 +184,10 @@ impl PointField for FormulaField {
             (*energy, *pk1, *tangent) = (response.energy, response.pk1, response.tangent);
         }
         Ok(())
+    }
+
+    fn is_cheap(&self) -> bool {
+        true
     }
 
     fn commit(&mut self) -> Result<(), PointError> {

@@ -40,6 +40,9 @@ pub trait Backend: Copy + Default + Debug + Send + Sync + 'static {
     /// The name of the backend, spelled as in its cargo feature and in the program's `--backend` option.
     const NAME: &'static str;
 
+    /// Whether iterative methods have the preconditioner [`Preconditioner::Multigrid`](super::Preconditioner::Multigrid).
+    const HAS_MULTIGRID: bool = false;
+
     /// The type of the entries of matrices and vectors.
     type Scalar: Value;
     /// The type of row and column indices.

@@ -10,7 +10,7 @@
 //! # Solvers by backend
 //! | backend | direct | preconditioners of CG, BiCGSTAB and GMRES |
 //! |---|---|---|
-//! | `sparse` | Cholesky, LDL^T, LU | none, diagonal, ILUT |
+//! | `sparse` | Cholesky, LDL^T, LU | none, diagonal, ILUT, multigrid |
 //! | `dense` | Cholesky, LDL^T, LU | none, diagonal |
 //! | `petsc` | MUMPS, SuperLU_DIST or PETSc's own | none, diagonal, multigrid; others through PETSc options |
 //! | `batched` | no | no iterative methods |
@@ -51,7 +51,7 @@ pub use backend::{Backend, RealBackend, SingleLane};
 pub use bytemuck;
 pub use comm::{Comm, CommError, Disagreement, Layout, Message, Payload, ReceiveRequest, SendRequest, Tag};
 pub use newton::{
-    Border, Curvature, NewtonError, NewtonFailure, NewtonParams, NewtonReport, NewtonSeconds, NewtonSystem,
+    Border, Curvature, Forcing, NewtonError, NewtonFailure, NewtonParams, NewtonReport, NewtonSeconds, NewtonSystem,
     NonlinearProblem, Potential, RegularizedParams, ResidualScale, SaddleExit,
 };
 pub use ops::{MatrixOps, VectorOps};
@@ -60,7 +60,7 @@ pub use scalar::{Index, Scalar, Value};
 pub(crate) use solve::Failure;
 pub use solve::{
     FactorReport, Factorization, InvalidParameter, Iterative, Krylov, Method, Ordering, Preconditioner, SolveError,
-    SolveReport, Solver, SolverParams, StopReason, Symmetry,
+    SolveReport, Solver, SolverChoice, SolverParams, StopReason, Symmetry,
 };
 #[cfg(feature = "sparse")]
 pub(crate) use sparsity::offsets;

@@ -232,9 +232,48 @@ impl Sparsity {
 
     /// The first entry `(row, column)` whose transpose `(column, row)` is not in the pattern.
     pub fn first_unsymmetric_entry(&self) -> Option<(usize, usize)> {
+        if self.has_all_transposes() {
+            return None;
+        }
         let columns = |row: usize| self.row(row).iter().map(|&column| column as usize);
         let alone = |row: usize| columns(row).find(|&column| self.find(column, row).is_none());
         (0..self.rows()).find_map(|row| alone(row).map(|column| (row, column)))
+    }
+    /// Returns true if the pattern is square and contains the transpose of every entry. Rows ascend, and so do the
+    /// columns of row `j`: the next of them that was not met yet must be the row of the next entry in column `j`.
+    fn has_all_transposes(&self) -> bool {
+        let mut next = self.row_offsets.to_vec();
+        let mut is_met = |row: usize, column: u32| {
+            let Some(at) = next.get_mut(column as usize) else { return false };
+            *at += 1;
+            self.columns.get(*at as usize - 1) == Some(&(row as u32))
+        };
+        self.rows() == self.cols && (0..self.rows()).all(|row| self.row(row).iter().all(|&column| is_met(row, column)))
+    }
+
+    /// Replaces every row and column `k` by the consecutive ones from `first[k]` to before `first[k + 1]`.
+    ///
+    /// # Errors
+    /// Returns [`SparsityError::TooLarge`] if the pattern has too many entries.
+    ///
+    /// # Panics
+    /// Panics if `first` has fewer than one entry per row and one more, or fewer than one per column and one more.
+    pub fn expanded(&self, first: &[u32]) -> Result<Self, SparsityError> {
+        let size = |k: usize| (first[k + 1] - first[k]) as usize;
+        let of_row = |row: usize| self.row(row).iter().map(|&column| size(column as usize)).sum::<usize>();
+        let entries = (0..self.rows()).map(|row| size(row) * of_row(row)).sum();
+        check_size(entries)?;
+        let (mut row_offsets, mut columns) = (vec![0], Vec::with_capacity(entries));
+        for row in 0..self.rows() {
+            for _ in 0..size(row) {
+                columns.extend(
+                    self.row(row).iter().flat_map(|&column| first[column as usize]..first[column as usize + 1]),
+                );
+                row_offsets.push(columns.len() as u32);
+            }
+        }
+        let cols = first[self.cols] as usize;
+        Ok(Self { cols, row_offsets: row_offsets.into(), columns: columns.into() })
     }
 }
 

@@ -1,11 +1,13 @@
 //! Tests of the in-memory backends: the conformance suite, memory allocations, Matrix Market files, transfers to other
-//! backends, and singular matrices.
+//! backends, singular matrices, and multigrid.
 
 #[cfg(any(feature = "sparse", feature = "dense"))]
 #[path = "../support/counting.rs"]
 mod counting;
 #[cfg(all(feature = "sparse", feature = "dense"))]
 mod matrix_market;
+#[cfg(feature = "sparse")]
+mod multigrid;
 #[cfg(any(feature = "sparse", feature = "dense"))]
 mod no_allocation;
 #[cfg(all(feature = "sparse", feature = "dense"))]

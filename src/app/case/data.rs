@@ -259,8 +259,17 @@ pub struct NewtonCase {
     pub energy_tolerance: Option<f64>,
     /// The initial guess of every step but the first.
     pub start: StepStart,
-    /// The linear solver.
-    pub solver: Method,
+    /// The linear solver; `None`: by the size of the system.
+    pub solver: Option<SolverCase>,
+}
+
+/// The linear solver of Newton's method at the macro scale.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SolverCase {
+    /// The method.
+    pub method: Method,
+    /// Whether an iterative method solves every system to its tolerance, instead of as far as Newton's method needs.
+    pub fixed_tolerance: bool,
 }
 
 impl Default for NewtonCase {
@@ -272,7 +281,7 @@ impl Default for NewtonCase {
             displacement_tolerance: None,
             energy_tolerance: None,
             start: StepStart::default(),
-            solver: Method::Direct,
+            solver: None,
         }
     }
 }
@@ -310,7 +319,7 @@ impl Default for ScalesCase {
 pub struct OutputCase {
     /// The result directory, resolved against the folder of the case file.
     pub directory: PathBuf,
-    /// Number of steps between two outputs of the fields; the last step is always written.
+    /// Number of steps between two outputs of the fields; the last step is always written. 0: no fields.
     pub every: usize,
     /// Whether the values at the integration points are written with the fields.
     pub points: bool,

@@ -95,7 +95,7 @@
 //!
 //! [output]
 //! directory = "results"                    # default; relative to the case file
-//! every = 1                                # default; steps between two writings of the fields
+//! every = 1                                # default; steps between two writings of the fields; 0: no fields
 //! points = false                           # default; or true: also the values at the integration points
 //! rve = "none"                             # default; or "all", or ids of elements, such as [0, 17]
 //! "#;

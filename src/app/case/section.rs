@@ -202,7 +202,7 @@ pub(super) fn newton(root: &mut Table<'_>) -> NewtonCase {
         displacement_tolerance: optional_tolerance(table, "displacement_tolerance"),
         energy_tolerance: optional_tolerance(table, "energy_tolerance"),
         start: table.choice("start", &starts).unwrap_or(default.start),
-        solver: solver::method(table),
+        solver: solver::of_newton(table),
     })
 }
 
@@ -224,7 +224,7 @@ pub(super) fn micro(root: &mut Table<'_>) -> RveParams {
         max_cuts: table.integer("max_cuts", 0..=30).unwrap_or(default.max_cuts),
         stages: table.get("stages").and_then(|value| stages(&value)).unwrap_or(default.stages),
         predictor: table.boolean("predictor").unwrap_or(default.predictor),
-        solver: solver::method(table),
+        solver: solver::of_micro(table),
     })
 }
 
@@ -258,7 +258,7 @@ pub(super) fn output(root: &mut Table<'_>, base: &Path, any_network: bool) -> Ou
     root.section("output", (), |table, ()| {
         let directory = table.get("directory").and_then(|value| value.text("a folder, relative to the case file"));
         output.directory = directory.map_or_else(|| output.directory.clone(), |directory| base.join(directory));
-        output.every = table.integer("every", 1..=1_000_000).unwrap_or(1);
+        output.every = table.integer("every", 0..=1_000_000).unwrap_or(1);
         output.points = table.boolean("points").unwrap_or(false);
         output.rve = table.get("rve").and_then(|value| rve_output(&value)).unwrap_or(ElementSelection::None);
         if output.rve != ElementSelection::None && !any_network {

@@ -1,8 +1,10 @@
 //! `solver = { ... }`: the linear solver of a scale.
 
+use super::SolverCase;
 use super::range::Range;
 use super::table::Table;
-use super::write::{Entry, entry};
+use super::value::Value;
+use super::write::{Entry, entry, table};
 use crate::las::{Iterative, Krylov, Method, Preconditioner};
 
 /// The methods, with their defaults; `None` is the direct method.
@@ -12,6 +14,12 @@ const METHODS: [(&str, Option<Krylov>); 4] = [
     ("bicgstab", Some(Krylov::BiCgStab)),
     ("gmres", Some(Krylov::Gmres { restart: 50 })),
 ];
+
+/// The name of the choice by size.
+const AUTO: &str = "auto";
+
+/// The tolerance if none is given.
+const TOLERANCE: f64 = 1e-12;
 
 const ILUT: Preconditioner = Preconditioner::Ilut { drop_tolerance: 1e-4, fill: 50 };
 
@@ -23,27 +31,75 @@ const PRECONDITIONERS: [(&str, Preconditioner); 4] = [
     ("none", Preconditioner::None),
 ];
 
-/// Reads the method from the table `solver` of a section; the default is direct.
-pub(super) fn method(section: &mut Table<'_>) -> Method {
-    let Some(mut table) = section.table("solver") else { return Method::Direct };
+/// What `solver` says.
+enum Said {
+    Auto,
+    Method(SolverCase),
+}
+
+/// Reads the solver of the macro scale; `None`: by the size of the system, the default.
+pub(super) fn of_newton(section: &mut Table<'_>) -> Option<SolverCase> {
+    match section.get("solver").and_then(|value| read(&value, true))? {
+        Said::Auto => None,
+        Said::Method(solver) => Some(solver),
+    }
+}
+
+/// Reads the solver of the RVEs; the default is direct.
+pub(super) fn of_micro(section: &mut Table<'_>) -> Method {
+    match section.get("solver").and_then(|value| read(&value, false)) {
+        Some(Said::Method(solver)) => solver.method,
+        Some(Said::Auto) | None => Method::Direct,
+    }
+}
+
+/// Reads the name of a method, or a table of a method and its parameters.
+fn read(value: &Value<'_>, allows_auto: bool) -> Option<Said> {
+    let mut names: Vec<(&'static str, Option<Option<Krylov>>)> =
+        METHODS.iter().map(|&(name, krylov)| (name, Some(krylov))).collect();
+    if allows_auto {
+        names.insert(0, (AUTO, None));
+    }
+    if value.inner.as_str().is_some() {
+        return Some(match value.choice(&names)? {
+            None => Said::Auto,
+            Some(None) => Said::Method(SolverCase { method: Method::Direct, fixed_tolerance: true }),
+            Some(Some(krylov)) => {
+                Said::Method(SolverCase { method: Method::Iterative(with_defaults(krylov)), fixed_tolerance: false })
+            }
+        });
+    }
+    let mut table = value.table()?;
     if !table.has("method") {
         let expected = "how to solve: \"direct\", \"cg\", \"bicgstab\" or \"gmres\"";
         table.report("has no `method`", expected, "add `method = ...`");
-        return Method::Direct;
+        return None;
     }
-    let krylov = table.choice("method", &METHODS).flatten();
-    let method = krylov.map_or(Method::Direct, |krylov| Method::Iterative(iterative(&mut table, krylov)));
+    let said = match table.choice("method", &names)? {
+        None => Said::Auto,
+        Some(None) => Said::Method(SolverCase { method: Method::Direct, fixed_tolerance: true }),
+        Some(Some(krylov)) => {
+            let fixed_tolerance = table.has("tolerance");
+            Said::Method(SolverCase { method: Method::Iterative(iterative(&mut table, krylov)), fixed_tolerance })
+        }
+    };
     table.report_unknown_keys();
-    method
+    Some(said)
+}
+
+/// Returns a method with its default parameters.
+fn with_defaults(krylov: Krylov) -> Iterative {
+    // Conjugate gradients need a symmetric positive definite preconditioner, which an incomplete LU is not.
+    let preconditioner = if krylov == Krylov::Cg { Preconditioner::Diagonal } else { ILUT };
+    Iterative { krylov, preconditioner, tolerance: TOLERANCE, max_iterations: 1000 }
 }
 
 fn iterative(table: &mut Table<'_>, mut krylov: Krylov) -> Iterative {
     if let Krylov::Gmres { restart } = &mut krylov {
         *restart = table.integer("restart", 1..=10_000).unwrap_or(*restart);
     }
-    // Conjugate gradients need a symmetric positive definite preconditioner, which an incomplete LU is not.
     let asks_for_ilut = table.has("drop_tolerance") || table.has("fill");
-    let suited = if krylov == Krylov::Cg && !asks_for_ilut { Preconditioner::Diagonal } else { ILUT };
+    let suited = if asks_for_ilut { ILUT } else { with_defaults(krylov).preconditioner };
     let mut preconditioner = table.choice("preconditioner", &PRECONDITIONERS).unwrap_or(suited);
     if let Preconditioner::Ilut { drop_tolerance, fill } = &mut preconditioner {
         *drop_tolerance = table.number("drop_tolerance", Range::from_to(0.0, 1.0)).unwrap_or(*drop_tolerance);
@@ -52,13 +108,46 @@ fn iterative(table: &mut Table<'_>, mut krylov: Krylov) -> Iterative {
     Iterative {
         krylov,
         preconditioner,
-        tolerance: table.number("tolerance", Range::between(0.0, 1.0)).unwrap_or(1e-12),
+        tolerance: table.number("tolerance", Range::between(0.0, 1.0)).unwrap_or(TOLERANCE),
         max_iterations: table.integer("max_iterations", 1..=1_000_000).unwrap_or(1000),
     }
 }
 
-/// Returns the entries that [`method`] reads back.
-pub(super) fn entries(method: &Method) -> Vec<Entry<'static>> {
+/// The method with its preconditioner, such as `gmres with the preconditioner multigrid`.
+impl std::fmt::Display for SolverCase {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Method::Iterative(Iterative { krylov, preconditioner, .. }) = self.method else {
+            return f.write_str("direct");
+        };
+        let krylov = match krylov {
+            Krylov::Cg => "cg",
+            Krylov::BiCgStab => "bicgstab",
+            Krylov::Gmres { .. } => "gmres",
+        };
+        let preconditioner = match preconditioner {
+            Preconditioner::None => return write!(f, "{krylov} without a preconditioner"),
+            Preconditioner::Diagonal => "diagonal",
+            Preconditioner::Multigrid => "multigrid",
+            Preconditioner::Ilut { .. } => "ilut",
+        };
+        write!(f, "{krylov} with the preconditioner {preconditioner}")
+    }
+}
+
+/// Returns the line that [`of_newton`] reads back.
+pub(super) fn newton_entry(solver: Option<&SolverCase>) -> Entry<'static> {
+    match solver {
+        None => entry("solver", AUTO),
+        Some(SolverCase { method, fixed_tolerance }) => table("solver", entries(method, *fixed_tolerance)),
+    }
+}
+
+/// Returns the line that [`of_micro`] reads back.
+pub(super) fn micro_entry(method: &Method) -> Entry<'static> {
+    table("solver", entries(method, true))
+}
+
+fn entries(method: &Method, fixed_tolerance: bool) -> Vec<Entry<'static>> {
     let Method::Iterative(Iterative { krylov, preconditioner, tolerance, max_iterations }) = method else {
         return vec![entry("method", "direct")];
     };
@@ -76,6 +165,9 @@ pub(super) fn entries(method: &Method) -> Vec<Entry<'static>> {
             entries.extend([entry("preconditioner", "ilut")].into_iter().chain(numbers));
         }
     }
-    entries.extend([entry("tolerance", tolerance), entry("max_iterations", max_iterations)]);
+    if fixed_tolerance {
+        entries.push(entry("tolerance", tolerance));
+    }
+    entries.push(entry("max_iterations", max_iterations));
     entries
 }

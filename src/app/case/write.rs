@@ -110,7 +110,7 @@ impl Case {
             optional("displacement_tolerance", newton.displacement_tolerance),
             optional("energy_tolerance", newton.energy_tolerance),
             entry("start", start),
-            table("solver", solver::entries(&newton.solver)),
+            solver::newton_entry(newton.solver.as_ref()),
         ];
         section(&mut out, "[newton]", entries);
         let entries = [
@@ -119,7 +119,7 @@ impl Case {
             entry("max_cuts", micro.max_cuts),
             entry("stages", micro.stages.iter().map(Stage::name).collect::<Vec<_>>()),
             entry("predictor", micro.predictor),
-            table("solver", solver::entries(&micro.solver)),
+            solver::micro_entry(&micro.solver),
         ];
         section(&mut out, "[micro]", entries);
         let entries =

@@ -47,6 +47,8 @@ pub struct Start {
     pub rves: usize,
     /// Number of different networks among them.
     pub networks: usize,
+    /// The linear solver of the body, and why it was chosen.
+    pub solver: String,
     /// Number of worker threads.
     pub threads: usize,
     /// Numbers of ranks of the macro and the micro scale; 1 and 0 if one process computes both.
@@ -159,8 +161,10 @@ pub struct NewtonLog {
     /// The factorizations used.
     #[serde(alias = "factorisations")]
     pub factorizations: Factorizations,
-    /// Total number of iterations of an iterative linear solver.
+    /// Total number of iterations of an iterative linear solver, those of linearized starts included.
     pub linear_iterations: usize,
+    /// Number of systems that an iterative linear solver did not solve and a direct one did.
+    pub fallbacks: usize,
     /// Wall time of the phases.
     pub seconds: NewtonSeconds,
 }
@@ -177,6 +181,8 @@ pub struct Factorizations {
     pub lu: usize,
     /// Preconditioners of an iterative solver, set up in place of a factorization.
     pub approximate: usize,
+    /// Matrices for which an iterative solver kept the preconditioner of an earlier one.
+    pub kept: usize,
 }
 
 /// Wall time of the phases of a step, s.

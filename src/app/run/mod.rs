@@ -81,7 +81,8 @@ impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
 
     /// Returns the size of the problem.
     pub fn problem_size(&self) -> ProblemSize {
-        ProblemSize::new(&self.case, self.mesh(), self.stepper.field(), self.stepper.unknowns())
+        let Self { case, stepper, .. } = self;
+        ProblemSize::new(case, self.mesh(), stepper.field(), stepper.unknowns(), stepper.solver_choice())
     }
 
     /// Locks the result directory `dir` for this run until [`Simulation::run`] ends, and checks that the files that
@@ -248,6 +249,7 @@ impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
             unknowns: size.unknowns,
             rves: size.rves,
             networks: size.networks.len(),
+            solver: size.solver,
             threads: size.threads,
             ranks: size.ranks,
             version: env!("CARGO_PKG_VERSION").to_owned(),

@@ -4,6 +4,7 @@ use serde::Serialize;
 
 use crate::app::case::Case;
 use crate::fem::mesh::Mesh;
+use crate::las::{Method, SolverChoice};
 use crate::tissue::micro_scale::TissueMaterial;
 
 /// The size of a problem, known before the solve.
@@ -23,6 +24,10 @@ pub struct ProblemSize {
     pub rve_bytes: usize,
     /// Bytes of the gradients, stresses and tangents of the body, without the factors of its stiffness.
     pub body_bytes: usize,
+    /// The linear solver of the body, and why it was chosen.
+    pub solver: String,
+    /// Whether that solver is iterative.
+    pub is_iterative: bool,
     /// Load steps.
     pub steps: usize,
     /// Threads that solve RVEs.
@@ -43,8 +48,15 @@ pub struct NetworkSize {
 }
 
 impl ProblemSize {
-    /// Collects the sizes from a case, its mesh and material, and the number of free unknowns of the body.
-    pub(super) fn new(case: &Case, mesh: &Mesh, field: &impl TissueMaterial, unknowns: usize) -> Self {
+    /// Collects the sizes from a case, its mesh and material, the number of free unknowns of the body, and the solver that
+    /// was chosen by their number.
+    pub(super) fn new(
+        case: &Case,
+        mesh: &Mesh,
+        field: &impl TissueMaterial,
+        unknowns: usize,
+        choice: Option<&SolverChoice>,
+    ) -> Self {
         let (models, sites) = (field.library().models(), field.sites());
         let networks = models.iter().zip(sites.rves_per_model(models.len())).map(|(model, rves)| NetworkSize {
             name: model.network().name().to_owned(),
@@ -61,6 +73,15 @@ impl ProblemSize {
             networks: networks.collect(),
             rve_bytes: field.rve_bytes(),
             body_bytes: point_bytes * mesh.points().len(),
+            solver: match (choice, case.newton.solver) {
+                (Some(choice), _) => choice.to_string(),
+                (None, Some(solver)) => solver.to_string(),
+                (None, None) => "direct".into(),
+            },
+            is_iterative: match (choice, case.newton.solver) {
+                (Some(choice), _) => choice.method != Method::Direct,
+                (None, solver) => solver.is_some_and(|solver| solver.method != Method::Direct),
+            },
             steps: case.steps.count,
             threads: rayon::current_num_threads(),
             ranks: field.ranks(),

@@ -15,7 +15,7 @@ use crate::app::rve_files;
 use crate::fem::boundary::Conditions;
 use crate::fem::mesh::Mesh;
 use crate::fem::rigid_modes;
-use crate::fem::stepping::{SetupError, Stepper};
+use crate::fem::stepping::{LinearSystem, SetupError, Stepper};
 use crate::input::InputErrors;
 use crate::las::RealBackend;
 use crate::tissue::materials::Materials;
@@ -99,8 +99,16 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
     }
 
     /// Returns the size of the problem.
-    pub fn problem_size(&self) -> ProblemSize {
-        ProblemSize::new(&self.case, &self.mesh, &self.field, self.unknowns)
+    ///
+    /// # Errors
+    /// Returns [`SimulationError`] if the linear system would be too large.
+    pub fn problem_size(&self) -> Result<ProblemSize, SimulationError<B::Error>> {
+        let (order, params) = (self.field.node_order(&self.mesh), macro_scale::step_params(&self.case));
+        let boundary = macro_scale::boundary(&self.case, &self.mesh, &self.conditions)?;
+        let constraints = self.conditions.constraints.len();
+        let system = LinearSystem::new::<B>(&order, &self.mesh, &boundary, constraints, &params);
+        let choice = system.map_err(|error| Box::new(SetupError::from(error)))?.choice;
+        Ok(ProblemSize::new(&self.case, &self.mesh, &self.field, self.unknowns, choice.as_ref()))
     }
 
     /// Returns the ranges of the material parameters and axes that vary over the body.

@@ -48,7 +48,7 @@ pub struct Solver<T: DenseScalar = f64> {
     /// The right-hand sides, by columns.
     columns: Vec<T>,
     scratch: Scratch,
-    /// The iterative solver, if one was requested; the fields above are then unused.
+    /// The iterative solver, if one was requested; the fields above are then unused unless a direct method replaces it.
     iterative: Option<Box<IterativeSolver<Dense<T>>>>,
 }
 
@@ -176,7 +176,7 @@ impl<T: DenseScalar> Solver<T> {
     ) -> Result<FactorReport, Failure> {
         let unknown = |position: usize| match kind {
             Factorization::Ldlt => self.forward[position] as usize,
-            Factorization::Cholesky | Factorization::Lu | Factorization::Approximate => position,
+            Factorization::Cholesky | Factorization::Lu | Factorization::Approximate | Factorization::Kept => position,
         };
         let params = self.symbolic.params;
         pivots.check_singular(immediate_singular_limit(&params), unknown)?;
@@ -191,8 +191,23 @@ impl<T: DenseScalar> Solver<T> {
     fn factor_any(&mut self, a: &Matrix<T>) -> Result<FactorReport, Failure> {
         self.active = None;
         self.check(a)?;
-        if let Some(iterative) = &mut self.iterative {
-            return iterative.factor(a).map(|(report, _)| report);
+        let Some(iterative) = &mut self.iterative else { return self.factor_checked(a) };
+        match iterative.factor(a) {
+            Err(_) if self.symbolic.params.fallback => self.fall_back(a),
+            outcome => outcome.map(|(report, _)| report),
+        }
+    }
+
+    /// See [`crate::las::Solver::update`]: no preconditioner of this backend is worth keeping.
+    fn update_any(&mut self, a: &Matrix<T>) -> Result<FactorReport, Failure> {
+        self.factor_any(a)
+    }
+
+    /// Factors a matrix whose solution by iterations failed.
+    fn fall_back(&mut self, a: &Matrix<T>) -> Result<FactorReport, Failure> {
+        let n = self.symbolic.unknowns;
+        if self.columns.len() < n {
+            *self = Self { iterative: self.iterative.take(), ..Self::direct(&self.symbolic, n) };
         }
         self.factor_checked(a)
     }
@@ -210,9 +225,21 @@ impl<T: DenseScalar> Solver<T> {
 
     /// See [`crate::las::Solver::solve_many`].
     fn solve_columns(&mut self, b: &[Vector<T>], x: &mut [Vector<T>]) -> Result<SolveReport, Failure> {
-        if let Some(iterative) = &mut self.iterative {
-            return iterative.solve_columns(b, x);
+        let mut report = SolveReport::DIRECT;
+        if let (Some(iterative), None) = (&mut self.iterative, self.active) {
+            let outcome = iterative.solve_columns(b, x);
+            let (Err(SolveError::NotConverged { iterations, .. }), true) = (&outcome, self.symbolic.params.fallback)
+            else {
+                return outcome;
+            };
+            report = SolveReport { iterations: *iterations, residual: 0.0, fallbacks: 1 };
+            let a = iterative.matrix().ok_or(SolveError::NotFactored)?;
+            self.fall_back(&a)?;
         }
+        self.solve_directly(b, x).map(|of| report.merge(of))
+    }
+
+    fn solve_directly(&mut self, b: &[Vector<T>], x: &mut [Vector<T>]) -> Result<SolveReport, Failure> {
         let (n, count) = (self.symbolic.unknowns, b.len());
         check_columns(n, b.iter().map(|b| b.values.len()), x.iter().map(|x| x.values.len()))?;
         let active = self.active.ok_or(SolveError::NotFactored)?;
@@ -238,7 +265,7 @@ impl<T: DenseScalar> Solver<T> {
                 lblt::solve::solve_in_place_with_conj(factor, d, e, Conj::No, exchanged, right, Par::Seq, stack);
             }
             // Iterative methods returned above.
-            Factorization::Approximate => return Err(SolveError::NotFactored),
+            Factorization::Approximate | Factorization::Kept => return Err(SolveError::NotFactored),
             Factorization::Lu => {
                 let exchanged = PermRef::new_checked(&self.forward, &self.inverse, n);
                 lu::solve::solve_in_place_with_conj(factor, factor, exchanged, Conj::No, right, Par::Seq, stack);

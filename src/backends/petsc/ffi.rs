@@ -18,11 +18,12 @@ macro_rules! opaque {
     )*};
 }
 
-opaque!(_p_Vec, _p_Mat, _p_KSP, _p_PC);
+opaque!(_p_Vec, _p_Mat, _p_KSP, _p_PC, _p_MatNullSpace);
 
 pub type Vec = *mut _p_Vec;
 pub type Mat = *mut _p_Mat;
 pub type Ksp = *mut _p_KSP;
+pub type NullSpace = *mut _p_MatNullSpace;
 pub type Pc = *mut _p_PC;
 
 /// `PetscInt`.
@@ -109,6 +110,9 @@ unsafe extern "C" {
     pub fn MatSeqAIJRestoreArray(mat: Mat, values: *mut *mut f64) -> Code;
     pub fn MatAssemblyBegin(mat: Mat, kind: c_int) -> Code;
     pub fn MatAssemblyEnd(mat: Mat, kind: c_int) -> Code;
+    pub fn MatNullSpaceCreate(comm: MPI_Comm, constant: Bool, n: c_int, vecs: *const Vec, out: *mut NullSpace) -> Code;
+    pub fn MatNullSpaceDestroy(space: *mut NullSpace) -> Code;
+    pub fn MatSetNearNullSpace(mat: Mat, space: NullSpace) -> Code;
     pub fn MatCreateVecs(mat: Mat, right: *mut Vec, left: *mut Vec) -> Code;
     pub fn MatMult(mat: Mat, x: Vec, y: Vec) -> Code;
     pub fn MatMultTranspose(mat: Mat, x: Vec, y: Vec) -> Code;

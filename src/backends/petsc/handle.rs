@@ -28,7 +28,10 @@ macro_rules! object {
     )*};
 }
 
-object!(ffi::_p_Vec: VecDestroy, ffi::_p_Mat: MatDestroy, ffi::_p_KSP: KSPDestroy);
+object!(
+    ffi::_p_Vec: VecDestroy, ffi::_p_Mat: MatDestroy, ffi::_p_KSP: KSPDestroy,
+    ffi::_p_MatNullSpace: MatNullSpaceDestroy
+);
 
 /// An object that is destroyed with this handle, and the session that must outlive it.
 pub(super) struct Handle<T: Object> {

@@ -11,6 +11,8 @@ use crate::las::{Backend, Iterative, Krylov, MatVec, Preconditioner, SolveError,
 pub(super) struct ByIterations {
     ksp: Ksp,
     method: Iterative,
+    /// Whether the tolerance has changed since the last solve; otherwise that of the options database holds.
+    is_changed: bool,
     /// The product `A x`, for the true residual.
     product: Vector,
 }
@@ -44,7 +46,13 @@ impl ByIterations {
         let ksp = Ksp::new(a, krylov, preconditioner)?;
         set(&ksp, &method)?;
         ksp.set_from_options()?;
-        Ok(Self { ksp, method, product: Vector::zeros(&a.context, a.pattern().rows())? })
+        Ok(Self { ksp, method, is_changed: false, product: Vector::zeros(&a.context, a.pattern().rows())? })
+    }
+
+    /// Sets the relative residual at which the next solves stop.
+    pub(super) fn set_tolerance(&mut self, tolerance: f64) {
+        self.is_changed |= tolerance != self.method.tolerance;
+        self.method.tolerance = tolerance;
     }
 
     /// Computes the preconditioner.
@@ -70,7 +78,10 @@ impl ByIterations {
         if !size.is_finite() {
             return Err(SolveError::RhsNotFinite);
         }
-        let mut report = SolveReport { iterations: 0, residual: 1.0 };
+        if std::mem::take(&mut self.is_changed) {
+            set_limits(&self.ksp, &self.method)?;
+        }
+        let mut report = SolveReport { iterations: 0, residual: 1.0, fallbacks: 0 };
         let mut reason = 0;
         for round in 0..ROUNDS {
             let ended = self.ksp.solve(a, b, x, round > 0)?;
@@ -96,12 +107,19 @@ impl ByIterations {
     }
 }
 
+/// Sets the tolerances and the number of iterations.
+fn set_limits(ksp: &Ksp, method: &Iterative) -> Result<(), PetscError> {
+    let (raw, most) = (ksp.raw(), i32::try_from(method.max_iterations).unwrap_or(i32::MAX));
+    // SAFETY: a live object.
+    call(|| unsafe { ffi::KSPSetTolerances(raw, method.tolerance, f64::MIN_POSITIVE, 1e30, most) })
+}
+
 /// Sets the tolerances, the preconditioning side and the restart length. All methods test the unpreconditioned residual
 /// norm.
 fn set(ksp: &Ksp, method: &Iterative) -> Result<(), PetscError> {
-    let (raw, most) = (ksp.raw(), i32::try_from(method.max_iterations).unwrap_or(i32::MAX));
+    set_limits(ksp, method)?;
+    let raw = ksp.raw();
     // SAFETY: a live object, as in all that follows.
-    call(|| unsafe { ffi::KSPSetTolerances(raw, method.tolerance, f64::MIN_POSITIVE, 1e30, most) })?;
     call(|| unsafe { ffi::KSPSetNormType(raw, ffi::KSP_NORM_UNPRECONDITIONED) })?;
     if method.krylov != Krylov::Cg {
         call(|| unsafe { ffi::KSPSetPCSide(raw, ffi::PC_RIGHT) })?;

@@ -44,6 +44,7 @@ mod iterative;
 mod ksp;
 mod layout;
 mod matrix;
+mod near_null_space;
 mod ops;
 mod products;
 mod session;
@@ -69,6 +70,7 @@ pub struct Petsc;
 
 impl Backend for Petsc {
     const NAME: &'static str = "petsc";
+    const HAS_MULTIGRID: bool = true;
 
     type Scalar = f64;
     type Index = i32;

@@ -6,12 +6,12 @@ use super::context::Context;
 use super::direct::{Factor, Failure, Outcome};
 use super::iterative::ByIterations;
 use super::{Matrix, Petsc, SolverError, Vector};
-use crate::backends::checks::{check_analyzable, check_columns, check_pattern, definite, singular_limit};
+use crate::backends::checks::{check_analyzable, check_columns, check_pattern, check_size, definite, singular_limit};
 use crate::backends::local;
 use crate::backends::null_vector::{Scales, check_null_vector, null_vector_limit};
 use crate::las::{
-    Backend, FactorReport, Factorization, MatVec, Method, Preconditioner, SolveError, SolveReport, SolverParams,
-    Sparsity, Symmetry, VectorOps,
+    Backend, FactorReport, Factorization, Iterative, MatVec, Method, Preconditioner, SolveError, SolveReport,
+    SolverParams, Sparsity, Symmetry, VectorOps,
 };
 
 /// The context, the sparsity pattern and the solver parameters. PETSc's own symbolic analyses belong to the individual
@@ -244,7 +244,7 @@ fn index(kind: Factorization) -> usize {
     match kind {
         Factorization::Cholesky => 0,
         Factorization::Ldlt => 1,
-        Factorization::Lu | Factorization::Approximate => 2,
+        Factorization::Lu | Factorization::Approximate | Factorization::Kept => 2,
     }
 }
 
@@ -254,16 +254,54 @@ fn solve_one(factor: &Factor, a: &Matrix, b: &Vector, x: &mut Vector) -> Result<
         return Err(SolveError::Library { library: "PETSc", reason: format!("KSPConvergedReason {}", ended.reason) });
     }
     let iterations = if factor.iterates { ended.iterations } else { 0 };
-    Ok(SolveReport { iterations, residual: 0.0 })
+    Ok(SolveReport { iterations, ..SolveReport::DIRECT })
 }
 
 impl crate::las::Solver<Petsc> for Solver {
     fn factor(&mut self, a: &Matrix) -> Result<FactorReport, SolverError> {
         self.copy_matrix(a)?;
         match self.symbolic.params.method {
-            Method::Iterative(method) => self.prepare_iterations(method.preconditioner),
+            Method::Iterative(method) => match self.prepare_iterations(method.preconditioner) {
+                Err(_) if self.symbolic.params.fallback => self.factor_taken(),
+                outcome => outcome,
+            },
             Method::Direct => self.factor_taken(),
         }
+    }
+
+    /// Does not keep preconditioners, but a direct method that replaced an iterative one.
+    fn update(&mut self, a: &Matrix) -> Result<FactorReport, SolverError> {
+        let is_direct = self.active.is_some_and(|active| active != Factorization::Approximate);
+        if !(self.iterative.is_some() && is_direct) {
+            return self.factor(a);
+        }
+        self.copy_matrix(a)?;
+        self.factor_taken()
+    }
+
+    /// Sets the tolerance; an error of PETSc comes back with the next solve.
+    fn set_tolerance(&mut self, tolerance: f64) {
+        if let Some(iterative) = &mut self.iterative {
+            iterative.set_tolerance(tolerance);
+        }
+    }
+
+    fn uses_near_null_space(&self) -> bool {
+        matches!(
+            self.symbolic.params.method,
+            Method::Iterative(Iterative { preconditioner: Preconditioner::Multigrid, .. })
+        )
+    }
+
+    fn set_near_null_space(&mut self, vectors: &[Vec<f64>]) -> Result<(), SolverError> {
+        let rows = self.symbolic.pattern.rows();
+        for vector in vectors {
+            check_size("a vector of the near null space", vector.len(), rows)?;
+        }
+        if rows > 0 {
+            self.a.set_near_null_space(vectors)?;
+        }
+        Ok(())
     }
 
     /// With an iterative method, returns [`SolveError::Indefinite`] if a diagonal entry is not positive; no more is
@@ -304,16 +342,27 @@ impl crate::las::Solver<Petsc> for Solver {
         if n == 0 {
             return Ok(sum);
         }
-        let Self { a, factors, iterative, .. } = self;
-        if let Some(iterative) = iterative {
-            for (b, x) in b.iter().zip(x) {
-                sum = sum.merge(iterative.solve(a, b, x)?);
+        let Self { a, iterative, .. } = self;
+        if let (Some(iterative), Factorization::Approximate) = (iterative, active) {
+            let mut outcome = Ok(());
+            for (b, x) in b.iter().zip(&mut *x) {
+                outcome = iterative.solve(a, b, x).map(|report| sum = sum.merge(report));
+                if outcome.is_err() {
+                    break;
+                }
             }
-            return Ok(sum);
+            let (Err(SolveError::NotConverged { iterations, .. }), true) = (&outcome, self.symbolic.params.fallback)
+            else {
+                return outcome.map(|()| sum);
+            };
+            sum = SolveReport { iterations: sum.iterations + iterations, residual: 0.0, fallbacks: 1 };
+            self.factor_taken()?;
         }
+        let Self { a, factors, active: Some(active), .. } = self else { return Err(SolveError::NotFactored) };
+        let active = *active;
         let factor = factors.iter().flatten().find(|factor| factor.kind == active);
         let factor = factor.ok_or(SolveError::NotFactored)?;
-        if b.len() > 1 && !factor.iterates && active != Factorization::Approximate {
+        if b.len() > 1 && !factor.iterates {
             factor.solve_many(a, b, x)?;
             return Ok(sum);
         }

@@ -10,7 +10,7 @@ use faer::sparse::{FaerError, SymbolicSparseColMat, SymbolicSparseColMatRef};
 use super::Failure;
 use super::block::{SimdLevel, SymbolicBlockCholesky};
 use super::lu::LuAnalysis;
-use super::order::{self, Graph};
+use super::order::{self, Graph, Tree};
 use crate::backends::checks::check_analyzable;
 use crate::las::{Method, SolveError, SolverParams, Sparsity, Symmetry, offsets};
 
@@ -68,13 +68,8 @@ impl Symbolic {
 
     fn analyze_symmetric(&mut self) -> Result<(), Failure> {
         let pattern = &*self.pattern;
-        if let Some((row, column)) = pattern.first_unsymmetric_entry() {
-            return Err(SolveError::UnsymmetricPattern { row, column });
-        }
-        let graph = Graph::new(pattern);
-        let tree = order::eliminate(&graph, self.params.ordering)?;
-        let first = graph.first_unknowns();
-        self.order = tree.order.iter().flat_map(|&node| first[node as usize]..first[node as usize + 1]).collect();
+        let ((graph, tree), order) = self.eliminate()?;
+        self.order = order;
         let operations = tree.operations();
         self.operations = Some(operations);
         let padded = tree.padded_operations();
@@ -87,6 +82,18 @@ impl Symbolic {
             self.cholesky()?;
         }
         Ok(())
+    }
+
+    /// Computes the elimination order of a symmetric pattern: graph and tree of its nodes, and the order of the unknowns.
+    fn eliminate(&self) -> Result<((Graph, Tree), Vec<u32>), Failure> {
+        if let Some((row, column)) = self.pattern.first_unsymmetric_entry() {
+            return Err(SolveError::UnsymmetricPattern { row, column });
+        }
+        let graph = Graph::new(&self.pattern);
+        let tree = order::eliminate(&graph, self.params.ordering)?;
+        let first = graph.first_unknowns();
+        let order = tree.order.iter().flat_map(|&node| first[node as usize]..first[node as usize + 1]).collect();
+        Ok(((graph, tree), order))
     }
 
     /// Returns the number of unknowns.
@@ -118,7 +125,8 @@ impl Symbolic {
         if let Some(analysis) = self.cholesky.get() {
             return Ok(analysis);
         }
-        let analysis = CholeskyAnalysis::new(&self.pattern, self.order.clone()).map_err(failed)?;
+        let order = if self.order.is_empty() { self.eliminate()?.1 } else { self.order.clone() };
+        let analysis = CholeskyAnalysis::new(&self.pattern, order).map_err(failed)?;
         Ok(self.cholesky.get_or_init(|| analysis))
     }
 

@@ -12,8 +12,8 @@ use std::collections::BinaryHeap;
 use super::solve::SparseScalar;
 use super::{Failure, Matrix, Sparse, Vector};
 use crate::backends::direct::Pivots;
-use crate::backends::iterative::{ApproximateInverse, SimplePreconditioner};
-use crate::las::{Backend, Preconditioner, Scalar, SolveError};
+use crate::backends::iterative::ApproximateInverse;
+use crate::las::{Scalar, SolveError};
 
 /// Compressed rows that are built row by row.
 struct Rows<T> {
@@ -173,7 +173,7 @@ impl<T: SparseScalar> ApproximateInverse<Sparse<T>> for Ilut<T> {
     }
 
     /// Computes `y = (L U)^-1 x`.
-    fn apply(&self, x: &Vector<T>, y: &mut Vector<T>) -> Result<(), Failure> {
+    fn apply(&mut self, x: &Vector<T>, y: &mut Vector<T>) -> Result<(), Failure> {
         let y = y.as_mut_slice();
         y.copy_from_slice(x.as_slice());
         for i in 0..y.len() {
@@ -191,27 +191,6 @@ impl<T: SparseScalar> ApproximateInverse<Sparse<T>> for Ilut<T> {
     fn entries(&self) -> Option<usize> {
         Some(self.lower.columns.len() + self.upper.columns.len() + self.inverse_diagonal.len())
     }
-}
-
-/// Creates a preconditioner: none, the diagonal, or an incomplete factorization.
-pub(super) fn preconditioner<T: SparseScalar>(
-    unknowns: usize,
-    kind: Preconditioner,
-) -> Result<Box<dyn ApproximateInverse<Sparse<T>>>, Failure> {
-    let zeros = || Vector::from(vec![T::zero(); unknowns]);
-    let inverse: Box<dyn ApproximateInverse<Sparse<T>>> = match kind {
-        Preconditioner::None => Box::new(SimplePreconditioner::<Sparse<T>>::None),
-        Preconditioner::Diagonal => Box::new(SimplePreconditioner::<Sparse<T>>::Diagonal(zeros())),
-        Preconditioner::Ilut { drop_tolerance, fill } => Box::new(Ilut::<T>::new(drop_tolerance, fill)),
-        Preconditioner::Multigrid => {
-            return Err(SolveError::Unsupported {
-                backend: Sparse::<T>::NAME,
-                what: "multigrid",
-                cure: "use an incomplete factorization, or the backend `petsc`",
-            });
-        }
-    };
-    Ok(inverse)
 }
 
 /// Keeps the `count` entries with the largest absolute values, columns ascending; of equal values the leftmost.

@@ -33,7 +33,9 @@ mod block;
 mod cholesky;
 mod ilut;
 mod lu;
+pub mod multigrid;
 mod order;
+mod preconditioner;
 mod solve;
 
 use std::convert::Infallible;
@@ -59,6 +61,7 @@ impl_backend_ops!([T: SparseScalar] Sparse<T>, T, T, norm: local::norm, dot: loc
 
 impl<T: SparseScalar> Backend for Sparse<T> {
     const NAME: &'static str = "sparse";
+    const HAS_MULTIGRID: bool = true;
 
     type Scalar = T;
     type Index = i32;

@@ -8,8 +8,8 @@ use faer::dyn_stack::StackReq;
 use super::analysis::{CholeskyAnalysis, failed};
 use super::block::{BlockCholesky, BlockScalar};
 use super::cholesky::{Cholesky, Ldlt, solve_scratch};
-use super::ilut::preconditioner;
 use super::lu::Lu;
+use super::preconditioner::preconditioner;
 use super::{Failure, Matrix, Sparse, Symbolic, Vector};
 use crate::backends::checks::{check_columns, check_pattern, definite, immediate_singular_limit, singular_limit};
 use crate::backends::direct::{NotPositiveDefinite, Pivots, Scratch, impl_direct_solver};
@@ -41,7 +41,7 @@ pub struct Solver<T: SparseScalar = f64> {
     scratch: Scratch,
     /// Right-hand sides in elimination order.
     columns: Vec<T>,
-    /// The iterative solver, if one was requested; the fields above are then unused.
+    /// The iterative solver, if one was requested; the fields above are then unused unless a direct method replaces it.
     iterative: Option<Box<IterativeSolver<Sparse<T>>>>,
 }
 
@@ -61,21 +61,31 @@ impl<T: SparseScalar> Solver<T> {
             symbolic: Arc::clone(symbolic),
         };
         if let Method::Iterative(method) = symbolic.params.method {
-            let inverse = preconditioner::<T>(symbolic.unknowns(), method.preconditioner)?;
+            let inverse = preconditioner::<T>(symbolic, method.preconditioner)?;
             let iterative = IterativeSolver::<Sparse<T>>::new(&(), symbolic.unknowns(), method, inverse)?;
             solver.iterative = Some(Box::new(iterative));
-        } else if symbolic.params.symmetry != Symmetry::None && solver.blocks.is_none() {
-            let analysis = symbolic.cholesky()?;
-            if symbolic.params.symmetry == Symmetry::Definite {
-                solver.scratch.reserve(Cholesky::<T>::scratch(analysis));
-                solver.cholesky = Some(Cholesky::new(analysis));
-            } else {
-                solver.make_ldlt(analysis);
-            }
-            solver.lower = vec![T::zero(); analysis.source.len()];
-            solver.reserve_columns(1);
+        } else {
+            solver.make_direct()?;
         }
         Ok(solver)
+    }
+
+    /// Allocates the storage of the factorization by faer that the declared symmetry asks for first.
+    fn make_direct(&mut self) -> Result<(), Failure> {
+        let symbolic = Arc::clone(&self.symbolic);
+        if symbolic.params.symmetry == Symmetry::None || self.blocks.is_some() {
+            return Ok(());
+        }
+        let analysis = symbolic.cholesky()?;
+        if symbolic.params.symmetry == Symmetry::Definite {
+            self.scratch.reserve(Cholesky::<T>::scratch(analysis));
+            self.cholesky = Some(Cholesky::new(analysis));
+        } else {
+            self.make_ldlt(analysis);
+        }
+        self.lower = vec![T::zero(); analysis.source.len()];
+        self.reserve_columns(1);
+        Ok(())
     }
 
     /// Allocates the storage of LDL^T on first use.
@@ -267,8 +277,35 @@ impl<T: SparseScalar> Solver<T> {
     fn factor_any(&mut self, a: &Matrix<T>) -> Result<FactorReport, Failure> {
         self.active = None;
         self.check(a)?;
-        if let Some(iterative) = &mut self.iterative {
-            return iterative.factor(a).map(|(report, _)| report);
+        let Some(iterative) = &mut self.iterative else { return self.factor_checked(a) };
+        match iterative.factor(a) {
+            Err(_) if self.symbolic.params.fallback => self.fall_back(a),
+            outcome => outcome.map(|(report, _)| report),
+        }
+    }
+
+    /// See [`crate::las::Solver::update`].
+    fn update_any(&mut self, a: &Matrix<T>) -> Result<FactorReport, Failure> {
+        if self.iterative.is_none() {
+            return self.factor_any(a);
+        }
+        // A direct method replaces the iterative one until the next `factor`.
+        let is_direct = self.active.take().is_some();
+        self.check(a)?;
+        if is_direct {
+            return self.fall_back(a);
+        }
+        let Some(iterative) = &mut self.iterative else { return Err(SolveError::NotFactored) };
+        match iterative.update(a) {
+            Err(_) if self.symbolic.params.fallback => self.fall_back(a),
+            outcome => outcome,
+        }
+    }
+
+    /// Factors a matrix whose solution by iterations failed.
+    fn fall_back(&mut self, a: &Matrix<T>) -> Result<FactorReport, Failure> {
+        if self.cholesky.is_none() && self.ldlt.is_none() {
+            self.make_direct()?;
         }
         self.factor_checked(a)
     }
@@ -291,9 +328,21 @@ impl<T: SparseScalar> Solver<T> {
 
     /// See [`crate::las::Solver::solve_many`].
     fn solve_columns(&mut self, b: &[Vector<T>], x: &mut [Vector<T>]) -> Result<SolveReport, Failure> {
-        if let Some(iterative) = &mut self.iterative {
-            return iterative.solve_columns(b, x);
+        let mut report = SolveReport::DIRECT;
+        if let (Some(iterative), None) = (&mut self.iterative, self.active) {
+            let outcome = iterative.solve_columns(b, x);
+            let (Err(SolveError::NotConverged { iterations, .. }), true) = (&outcome, self.symbolic.params.fallback)
+            else {
+                return outcome;
+            };
+            report = SolveReport { iterations: *iterations, residual: 0.0, fallbacks: 1 };
+            let a = iterative.matrix().ok_or(SolveError::NotFactored)?;
+            self.fall_back(&a)?;
         }
+        self.solve_directly(b, x).map(|of| report.merge(of))
+    }
+
+    fn solve_directly(&mut self, b: &[Vector<T>], x: &mut [Vector<T>]) -> Result<SolveReport, Failure> {
         let n = self.symbolic.unknowns();
         check_columns(n, b.iter().map(|b| b.values.len()), x.iter().map(|x| x.values.len()))?;
         let active = self.active.ok_or(SolveError::NotFactored)?;

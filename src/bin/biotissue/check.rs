@@ -13,6 +13,7 @@ use serde::Serialize;
 
 use crate::conditions::{ConditionPlan, conditions};
 use crate::dispatch::{Job, ProgramBackend, dispatch};
+use crate::error_hints::{CaseHints, not_set_up};
 use crate::failure::Failure;
 use crate::output;
 use crate::ranks::check_near;
@@ -66,6 +67,7 @@ struct Plan {
     /// The supports against free rigid-body modes.
     supports: Vec<SupportPlan>,
     constraints: Vec<String>,
+    solver: String,
     steps: usize,
     threads: usize,
     ranks: usize,
@@ -86,8 +88,20 @@ impl Job for CheckJob {
 
     fn run<B: ProgramBackend>(self, context: B::Context) -> Result<Plan, Failure> {
         let setup = setup::<B>(context, self.case)?;
-        let ProblemSize { elements, nodes, unknowns, rves, networks, rve_bytes, body_bytes, steps, threads, .. } =
-            setup.problem_size();
+        let size = setup.problem_size().map_err(|error| not_set_up(&CaseHints::of(setup.case()), error))?;
+        let ProblemSize {
+            elements,
+            nodes,
+            unknowns,
+            rves,
+            networks,
+            rve_bytes,
+            body_bytes,
+            solver,
+            steps,
+            threads,
+            ..
+        } = size;
         let (conditions, free_surfaces) = conditions(setup.case(), setup.mesh());
         Ok(Plan {
             title: setup.case().title.clone(),
@@ -100,6 +114,7 @@ impl Job for CheckJob {
             rves,
             rve_bytes,
             body_bytes,
+            solver,
             networks,
             fields: setup.field_ranges().to_vec(),
             surfaces: setup.mesh().surface_names().map(str::to_owned).collect(),
@@ -164,6 +179,7 @@ impl Plan {
             lines.push(format!("field      {parameter} from {min:?} to {max:?} in region \"{region}\""));
         }
         lines.extend(self.constraints.iter().map(|constraint| format!("constraint {constraint}")));
+        lines.push(format!("solver     {}", self.solver));
         lines.push(format!("steps      {}", self.steps));
         let megabytes = |bytes: usize| bytes as f64 * 1e-6;
         lines.push(format!(

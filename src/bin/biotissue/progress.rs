@@ -34,6 +34,9 @@ impl Reporter {
             networks => format!("{rves} RVEs of {networks} network{}, ", if networks == 1 { "" } else { "s" }),
         };
         output::message(&format!("{elements} elements, {unknowns} unknowns, {rves}{workers}"));
+        if size.is_iterative {
+            output::message(&format!("linear solver: {}", size.solver));
+        }
         let bar = std::io::stderr().is_terminal().then(|| {
             let bar = ProgressBar::new(size.steps as u64);
             // The duration cannot be estimated before the first step.
@@ -88,8 +91,17 @@ impl Progress for Reporter {
             let (waiting, deleted, plural) = (rve.waiting, rve.deleted, if step.rounds == 1 { "" } else { "s" });
             format!(", equilibrium restored {} time{plural} ({waiting} RVEs waiting, {deleted} deleted)", step.rounds)
         });
+        let linear = match newton.linear_iterations {
+            0 => String::new(),
+            iterations => format!(", {iterations} of the linear solver"),
+        };
+        let fallback = match newton.fallbacks {
+            0 => "",
+            1 => " (which failed once; a direct solver replaced it)",
+            _ => " (which failed repeatedly; a direct solver replaced it)",
+        };
         let line = format!(
-            "step {}/{} t = {:.4}: {} iterations, residual {residual}{rves}{life}, {:.1} s",
+            "step {}/{} t = {:.4}: {} iterations{linear}{fallback}, residual {residual}{rves}{life}, {:.1} s",
             step.step, self.count, step.t, newton.iterations, newton.seconds.total
         );
         match &self.bar {

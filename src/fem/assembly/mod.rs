@@ -232,6 +232,11 @@ impl<B: RealBackend> Assembler<B> {
         &self.equation_numbers
     }
 
+    /// Returns the rows of the six unknowns of each rigid surface; negative for prescribed ones.
+    pub(in crate::fem) fn rigid_equations(&self) -> &[[B::Index; 6]] {
+        &self.rigid_equations
+    }
+
     /// Returns true if elements belong to patches; the stiffness is then unsymmetric.
     pub fn has_patches(&self) -> bool {
         !self.geometry.patches.is_empty()

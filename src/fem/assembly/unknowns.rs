@@ -102,6 +102,9 @@ impl Unknowns {
     /// # Errors
     /// Returns [`SparsityError::TooLarge`] if the pattern exceeds the range of a 32-bit index.
     pub fn pattern(&self, mesh: &Mesh) -> Result<Sparsity, SparsityError> {
+        if self.rigid_equations.is_empty() {
+            return self.pattern_of_nodes(mesh);
+        }
         let of_node = |node: u32| &self.equation_numbers[3 * node as usize..][..3];
         let equations = |nodes: &[u32]| -> Vec<i32> {
             if self.kinematics.are_plain(nodes) {
@@ -113,21 +116,65 @@ impl Unknowns {
             });
             rows.copied().collect()
         };
-        let patches = mesh.patches().iter().filter(|patch| patch.len() > 1);
-        let of_patch = |patch: &Vec<u32>| -> Vec<u32> {
-            let mut nodes: Vec<u32> = patch.iter().flat_map(|&e| &mesh.elements()[e as usize]).copied().collect();
-            nodes.sort_unstable();
-            nodes.dedup();
-            nodes
-        };
-        let of_patches = patches.map(|patch| equations(&of_patch(patch)));
+        let of_patches = coupled_patches(mesh).map(|nodes| equations(&nodes));
         Sparsity::from_elements(self.free, mesh.elements().iter().map(equations).chain(of_patches))
     }
+
+    /// Returns the pattern of a mesh without rigid surfaces: the pattern of its nodes, whose free components are
+    /// consecutive unknowns, takes much less time than that of the unknowns.
+    fn pattern_of_nodes(&self, mesh: &Mesh) -> Result<Sparsity, SparsityError> {
+        // The nodes with free components in the order of their unknowns, by their first unknown.
+        let (components, _) = self.equation_numbers.as_chunks::<3>();
+        let free = |numbers: &[i32; 3]| numbers.iter().filter(|&&number| number >= 0).count() as u32;
+        let first_unknown = |numbers: &[i32; 3]| numbers.iter().copied().find(|&number| number >= 0);
+        let mut first: Vec<u32> = components.iter().filter_map(first_unknown).map(|number| number as u32).collect();
+        first.sort_unstable();
+        let position = |numbers: &[i32; 3]| -> i32 {
+            let number = first_unknown(numbers);
+            number.map_or(-1, |number| first.partition_point(|&other| other < number as u32) as i32)
+        };
+        let position_of: Vec<i32> = components.iter().map(position).collect();
+        debug_assert_eq!(components.iter().map(free).sum::<u32>() as usize, self.free, "the components of the nodes");
+        let positions = |nodes: &[u32]| -> Vec<i32> { nodes.iter().map(|&node| position_of[node as usize]).collect() };
+        let elements = mesh.elements().iter().map(positions);
+        let patches = coupled_patches(mesh).map(|nodes| positions(&nodes));
+        let of_nodes = Sparsity::from_elements(first.len(), elements.chain(patches))?;
+        first.push(self.free as u32);
+        of_nodes.expanded(&first)
+    }
+}
+
+/// Returns the nodes of each patch that couples several elements, ascending.
+fn coupled_patches(mesh: &Mesh) -> impl Iterator<Item = Vec<u32>> {
+    let patches = mesh.patches().iter().filter(|patch| patch.len() > 1);
+    patches.map(|patch| {
+        let mut nodes: Vec<u32> = patch.iter().flat_map(|&e| &mesh.elements()[e as usize]).copied().collect();
+        nodes.sort_unstable();
+        nodes.dedup();
+        nodes
+    })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fem::mesh::shapes;
+
+    /// Rollers leave nodes with one, two or three components.
+    #[test]
+    fn the_pattern_by_nodes_is_that_by_unknowns() {
+        let mesh = shapes::cuboid([3, 2, 2], [1.0; 3]).unwrap();
+        let mut order: Vec<u32> = (0..mesh.nodes().len() as u32).collect();
+        order.reverse();
+        order.swap(3, 9);
+        let held = |node: usize, component: usize| mesh.nodes()[node][component] == 0.0 || node == 7;
+        let unknowns = Unknowns::in_order(&order, held).unwrap();
+        let elements = mesh.elements().iter().map(|nodes| -> Vec<i32> {
+            nodes.iter().flat_map(|&node| &unknowns.equation_numbers()[3 * node as usize..][..3]).copied().collect()
+        });
+        let expected = Sparsity::from_elements(unknowns.free(), elements).unwrap();
+        assert_eq!(unknowns.pattern(&mesh).unwrap(), expected);
+    }
 
     #[test]
     fn free_components_are_numbered_in_order() {

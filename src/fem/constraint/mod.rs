@@ -34,7 +34,6 @@ pub use error::{ConstraintError, OpenEdge};
 use super::assembly::Geometry;
 use super::boundary::{BoundaryError, LoadCurve};
 use super::mesh::Mesh;
-use crate::las::Symmetry;
 
 /// The state of a constraint.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -131,14 +130,6 @@ impl Constraints {
             inside.for_each(|(sum, _)| *sum += state.pressure);
         }
         sums
-    }
-
-    /// Returns the symmetry of the tangent, given that of the body: pressures can make it indefinite.
-    pub fn symmetry(&self, body: Symmetry) -> Symmetry {
-        match body {
-            Symmetry::Definite if !self.is_empty() => Symmetry::Symmetric,
-            other => other,
-        }
     }
 
     /// Returns the pseudo-times at which the rate of a target jumps.

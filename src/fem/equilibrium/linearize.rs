@@ -4,7 +4,22 @@ use std::time::Instant;
 
 use super::{BodyState, Equilibrium, net_forces, scatter};
 use crate::fem::point_field::PointField;
-use crate::las::{MatrixOps, NewtonSeconds, NewtonSystem, RealBackend, SolveError, Solver, VectorOps};
+use crate::las::{MatrixOps, NewtonSeconds, NewtonSystem, RealBackend, SolveError, SolveReport, VectorOps};
+
+/// The cost of a linearized start.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LinearizedStart {
+    /// Computation time by phase.
+    pub seconds: NewtonSeconds,
+    /// The solution of its linear system.
+    pub solve: SolveReport,
+}
+
+impl Default for LinearizedStart {
+    fn default() -> Self {
+        Self { seconds: NewtonSeconds::default(), solve: SolveReport::DIRECT }
+    }
+}
 
 impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
     /// Starts a step to pseudo-time `t` from the linearization of the committed state: solves
@@ -14,10 +29,10 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
     ///
     /// # Errors
     /// Returns the [`SolveError`] of the solver; the trial state is then as [`Equilibrium::begin_step`] leaves it.
-    pub fn linearize(&mut self, t: f64, system: &mut NewtonSystem<B>) -> Result<NewtonSeconds, SolveError<B::Error>> {
+    pub fn linearize(&mut self, t: f64, system: &mut NewtonSystem<B>) -> Result<LinearizedStart, SolveError<B::Error>> {
         self.begin_step(t);
         if system.residual.is_empty() {
-            return Ok(NewtonSeconds::default());
+            return Ok(LinearizedStart::default());
         }
         let start = Instant::now();
         let moved = self.trial.displacements.iter().zip(&self.committed.displacements);
@@ -36,16 +51,17 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
         let loaded = Instant::now();
         system.matrix.assemble(|k| self.add_tangent(&self.committed, t, k))?;
         let assembled = Instant::now();
-        system.solver.factor(&system.matrix)?;
+        system.prepare(true)?;
         let factored = Instant::now();
-        system.solve_linear()?;
+        let solve = system.solve_linear()?;
         self.advance_pressures(1.0, &system.border.increments);
         self.advance_displacements(1.0, &system.direction)?;
-        Ok(NewtonSeconds {
+        let seconds = NewtonSeconds {
             residual: (loaded - start).as_secs_f64(),
             jacobian: (assembled - loaded).as_secs_f64(),
             factor: (factored - assembled).as_secs_f64(),
             solve: factored.elapsed().as_secs_f64(),
-        })
+        };
+        Ok(LinearizedStart { seconds, solve })
     }
 }

@@ -49,6 +49,7 @@ mod increments;
 mod observer;
 mod params;
 mod saved;
+mod system;
 
 use std::sync::Arc;
 
@@ -58,7 +59,7 @@ pub use observer::{ConvergedStep, FailedAttempt, StepObserver};
 pub use params::{StepParams, StepReport, StepStart};
 pub use saved::{RestoreError, SavedState, StepperRestoreError};
 
-use super::assembly::{self, Assembler, Unknowns};
+use super::assembly::{self, Assembler};
 use super::boundary::{Boundary, Conditions};
 use super::constraint::Constraints;
 use super::equilibrium::{BodyState, Equilibrium, EquilibriumError};
@@ -67,16 +68,20 @@ use super::point_field::PointField;
 use super::reactions::BoundaryForces;
 use super::rigid_modes;
 use crate::las::{
-    Backend, NewtonError, NewtonFailure, NewtonReport, NewtonSystem, NonlinearProblem, RealBackend, SolveError,
-    SolverParams, Symmetry, VectorOps,
+    Backend, NewtonError, NewtonFailure, NewtonParams, NewtonReport, NewtonSystem, NonlinearProblem, RealBackend,
+    SolveError, SolverChoice, VectorOps,
 };
 use increments::Increments;
+pub use system::LinearSystem;
 
 /// A body, its linear system, and its position in pseudo-time.
 pub struct Stepper<B: Backend, P> {
     body: Equilibrium<B, P>,
     system: NewtonSystem<B>,
     params: StepParams,
+    choice: Option<SolverChoice>,
+    /// Whether the first iteration of a step uses the factorization of its linearized start.
+    reuses_factorization: bool,
     /// Number of converged full steps.
     completed_steps: usize,
     increments: Increments,
@@ -148,16 +153,11 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
         assert_eq!(order.len(), mesh.nodes().len(), "the order has one entry per node");
         let boundary = Boundary::new(&mesh, conditions)?;
         let geometry = assembly::geometry(&mesh)?;
-        let prescribed = boundary.prescribed_mask(mesh.nodes().len());
         rigid_modes::check(&mesh, &boundary.restraints(&mesh), boundary.kinematics().rigid_surfaces())?;
-        let unknowns = Unknowns::in_order(order, |node, component| prescribed[node][component])?
-            .with_kinematics(boundary.kinematics(), &boundary.prescribed_of_rigid_surfaces())?;
-        let pattern = Arc::new(unknowns.pattern(&mesh)?);
-        let elements = if mesh.patches().is_empty() { params.solver.symmetry } else { Symmetry::None };
         let fixed = boundary.fixed_components(mesh.nodes().len());
         let constraints = Constraints::new(&mesh, &geometry, &conditions.constraints, &fixed)?;
-        let symmetry = constraints.symmetry(boundary.symmetry(elements));
-        let solver = SolverParams { symmetry, ..params.solver };
+        let LinearSystem { unknowns, pattern, solver, choice, has_costly_factorization } =
+            LinearSystem::new::<B>(order, &mesh, &boundary, constraints.len(), &params)?;
         let symbolic = B::analyze(context, &pattern, &solver)?;
         let system = NewtonSystem::bordered(context, &pattern, &symbolic, constraints.len())?;
         let mut assembler = Assembler::new(geometry, &unknowns, &system.matrix).map_err(SolveError::Backend)?;
@@ -166,7 +166,18 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
         let break_points = merged(boundary.break_points(), constraints.break_points());
         let body = Equilibrium::constrained(mesh, boundary, constraints, assembler, field)?;
         let increments = Increments::new(&params);
-        Ok(Self { body, system, params, completed_steps: 0, increments, break_points, undeformed: true })
+        let reuses_factorization = has_costly_factorization && body.field().is_cheap();
+        Ok(Self {
+            body,
+            system,
+            params,
+            choice,
+            reuses_factorization,
+            completed_steps: 0,
+            increments,
+            break_points,
+            undeformed: true,
+        })
     }
 
     /// Returns the last converged state.
@@ -207,6 +218,11 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
     /// Returns the number of unknowns of the linear system.
     pub fn unknowns(&self) -> usize {
         self.system.residual.len()
+    }
+
+    /// Returns the solver of the linear systems if it was chosen by their size.
+    pub fn solver_choice(&self) -> Option<&SolverChoice> {
+        self.choice.as_ref()
     }
 
     /// Takes all remaining steps.
@@ -336,6 +352,12 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
         /// If responses still do not continue the committed state after this many rounds, they alternate between
         /// branches, and only a smaller increment helps.
         const MAX_REPLACEMENTS: usize = 5;
+        // An attempt depends on the committed state alone: not on earlier ones, which a resumed run does not repeat.
+        self.system.start_anew();
+        let unknowns = self.unknowns();
+        self.body.set_near_null_space(unknowns, &mut self.system.solver).map_err(|error| {
+            Self::failed(NewtonFailure { reason: NewtonError::Solve(error), report: Box::default() })
+        })?;
         solves.push(self.start(t, report)?);
         let (mut evolutions, mut replacements, mut augmentations) = (0, 0, 0);
         loop {
@@ -388,7 +410,10 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
         match start {
             StepStart::Prescribed => self.body.begin_step(t),
             StepStart::Tangent => {
-                let seconds = self.body.linearize(t, &mut self.system).map_err(|error| {
+                if let Some(forcing) = self.params.newton.forcing {
+                    self.system.set_tolerance(forcing.largest);
+                }
+                let start = self.body.linearize(t, &mut self.system).map_err(|error| {
                     Box::new(Failed {
                         // The tangent of the undeformed body does not depend on the increment, so cutting cannot help.
                         unrecoverable: self.undeformed || matches!(error, SolveError::Backend(_)),
@@ -397,10 +422,12 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
                         newton: NewtonReport::default(),
                     })
                 })?;
-                report.add_linearized(seconds);
+                report.add_linearized(&start);
             }
         }
-        self.system.solve(&mut self.body, &self.params.newton).map_err(|failure| {
+        let reuse_factorization = self.reuses_factorization && start == StepStart::Tangent;
+        let newton = NewtonParams { reuse_factorization, ..self.params.newton };
+        self.system.solve(&mut self.body, &newton).map_err(|failure| {
             let at_start = start == StepStart::Prescribed && Self::failed_at_first_residual(&failure);
             Box::new(Failed { at_start, ..*Self::failed(failure) })
         })

@@ -1,7 +1,8 @@
 //! Parameters and reports of load stepping.
 
 use super::IncrementControl;
-use crate::las::{NewtonParams, NewtonReport, NewtonSeconds, SolverParams};
+use crate::fem::equilibrium::LinearizedStart;
+use crate::las::{Forcing, NewtonParams, NewtonReport, NewtonSeconds, SolverParams};
 
 /// Parameters of load stepping.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -20,10 +21,14 @@ pub struct StepParams {
     /// Initial guess of Newton in all steps except the first. Default [`StepStart::Tangent`].
     pub start: StepStart,
     /// Stopping criteria of Newton. Default: a tolerance of `1e-8`, 25 iterations, up to 10 reductions of the step
-    /// length in the line search.
+    /// length in the line search. An iterative solver uses forcing terms ([`Forcing`]) and keeps its preconditioner
+    /// within an attempt at an increment.
     pub newton: NewtonParams,
-    /// Solver of the linear systems. Default: a direct solver for positive definite systems.
+    /// Solver of the linear systems, unless [`StepParams::solver_by_size`] is set. Default: a direct solver for positive
+    /// definite systems.
     pub solver: SolverParams,
+    /// Whether to choose the solver by [`SolverChoice`](crate::las::SolverChoice) instead. Default true.
+    pub solver_by_size: bool,
 }
 
 impl StepParams {
@@ -33,7 +38,13 @@ impl StepParams {
 
 impl Default for StepParams {
     fn default() -> Self {
-        let newton = NewtonParams { tolerance: 1e-8, max_iterations: 25, ..NewtonParams::default() };
+        let newton = NewtonParams {
+            tolerance: 1e-8,
+            max_iterations: 25,
+            forcing: Some(Forcing::default()),
+            keep_preconditioner: true,
+            ..NewtonParams::default()
+        };
         Self {
             count: 10,
             max_cuts: 6,
@@ -43,6 +54,7 @@ impl Default for StepParams {
             start: StepStart::default(),
             newton,
             solver: SolverParams::default(),
+            solver_by_size: true,
         }
     }
 }
@@ -87,6 +99,10 @@ pub struct StepReport {
     pub linearized: usize,
     /// Time of the linearized starts by phase.
     pub linearized_seconds: NewtonSeconds,
+    /// Number of iterations of an iterative solver in the linearized starts.
+    pub linearized_iterations: usize,
+    /// Number of systems of linearized starts that the iterative solver did not solve and a direct one did.
+    pub linearized_fallbacks: usize,
 }
 
 impl StepReport {
@@ -111,9 +127,18 @@ impl StepReport {
         attempts.fold(self.linearized_seconds, add)
     }
 
-    pub(super) fn add_linearized(&mut self, seconds: NewtonSeconds) {
+    /// Returns the number of systems that the iterative solver did not solve and a direct one did, for converged and
+    /// failed attempts and linearized starts together.
+    pub fn fallbacks(&self) -> usize {
+        let attempts = self.solves.iter().chain(&self.failures).map(|report| report.fallbacks);
+        attempts.sum::<usize>() + self.linearized_fallbacks
+    }
+
+    pub(super) fn add_linearized(&mut self, start: &LinearizedStart) {
         self.linearized += 1;
-        self.linearized_seconds = add(self.linearized_seconds, seconds);
+        self.linearized_seconds = add(self.linearized_seconds, start.seconds);
+        self.linearized_iterations += start.solve.iterations;
+        self.linearized_fallbacks += start.solve.fallbacks;
     }
 }
 

@@ -62,6 +62,11 @@ impl<B: SingleLane> KrylovSpace<B> {
         Ok(Self { method, vectors, coefficients: vec![B::Scalar::default(); coefficients] })
     }
 
+    /// Sets the relative residual at which the next solves stop.
+    pub fn set_tolerance(&mut self, tolerance: f64) {
+        self.method.tolerance = tolerance;
+    }
+
     /// Solves `A x = b` with the matrix `a` and the preconditioner `m`.
     ///
     /// # Errors
@@ -90,7 +95,8 @@ impl<B: SingleLane> KrylovSpace<B> {
             // In every method the first vector is the residual.
             run.residual(b, x, &mut self.vectors)?;
             let residual = self.vectors[0].norm()?;
-            let report = SolveReport { iterations: run.iterations, residual: (residual / rhs_norm).as_f64() };
+            let report =
+                SolveReport { iterations: run.iterations, residual: (residual / rhs_norm).as_f64(), fallbacks: 0 };
             if residual <= target {
                 return Ok(report);
             }

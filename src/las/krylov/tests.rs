@@ -163,11 +163,4 @@ mod sparse {
         b.set(&[4], &[f64::NAN]).unwrap();
         assert_eq!(solver.solve(&b, &mut x), Err(SolveError::RhsNotFinite));
     }
-
-    #[test]
-    fn multigrid_is_refused_with_a_cure() {
-        let method = Iterative { preconditioner: Preconditioner::Multigrid, ..Iterative::default() };
-        let error = solve::<Sparse>(&laplacian::<Sparse>(3, 0.0), method).unwrap_err();
-        assert!(error.to_string().contains("the backend `sparse` has no multigrid"), "{error}");
-    }
 }

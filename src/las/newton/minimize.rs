@@ -124,7 +124,7 @@ impl<B: Backend<Reduced: Scalar>> NewtonSystem<B> {
         let current_potential = descent.potential.unwrap_or_else(|| problem.potential());
         loop {
             self.factor_shifted(problem, current_norm, descent, report)?;
-            report.linear_iterations += self.solver.solve(&self.residual, &mut self.direction)?.iterations;
+            report.count_solve(&self.solver.solve(&self.residual, &mut self.direction)?);
             let slope = self.residual_dot_direction()?;
             let length = self.direction.norm()?.as_f64();
             let predicted_reduction = 0.5 * (slope + descent.shift * length * length);

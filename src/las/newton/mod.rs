@@ -9,6 +9,7 @@
 
 mod border;
 mod curvature;
+mod forcing;
 mod line_search;
 mod minimize;
 mod problem;
@@ -21,11 +22,12 @@ use std::time::Instant;
 
 pub use border::Border;
 pub use curvature::{Curvature, SaddleExit};
+pub use forcing::Forcing;
 pub use minimize::{Potential, RegularizedParams};
 pub use problem::{NonlinearProblem, ResidualScale};
 pub use report::{NewtonError, NewtonFailure, NewtonParams, NewtonReport, NewtonSeconds};
 
-use super::{Backend, MatrixOps, Scalar, SolveError, SolveReport, Solver, Sparsity, VectorOps};
+use super::{Backend, FactorReport, MatrixOps, Scalar, SolveError, SolveReport, Solver, Sparsity, VectorOps};
 
 /// The linear system of a Newton iteration, created once and reused for all problems with the same sparsity pattern.
 ///
@@ -42,6 +44,8 @@ pub struct NewtonSystem<B: Backend> {
     pub solver: B::Solver,
     /// The constraints and their multipliers.
     pub border: Border<B>,
+    /// Whether the next preparation of the solver must not depend on earlier matrices.
+    starts_anew: bool,
 }
 
 impl<B: Backend<Reduced: Scalar>> NewtonSystem<B> {
@@ -60,6 +64,7 @@ impl<B: Backend<Reduced: Scalar>> NewtonSystem<B> {
             matrix: B::matrix(context, pattern)?,
             solver: B::solver(symbolic)?,
             border: Border::empty(),
+            starts_anew: true,
         })
     }
 
@@ -92,13 +97,21 @@ impl<B: Backend<Reduced: Scalar>> NewtonSystem<B> {
     ) -> Result<NewtonReport, NewtonFailure<P::Error, B::Error>> {
         assert_eq!(problem.constraints(), self.border.len(), "the system has as many constraints as the problem");
         let starts_settled = !params.has_step_criteria() || problem.state_scale().is_none();
+        let mut forcing = params.forcing.map(forcing::Sequence::new);
         self.iterate(
             problem,
             params.tolerance,
             params.max_iterations,
             starts_settled,
-            |system, problem, _, limit, report| {
-                system.compute_direction(problem, report)?;
+            |system, problem, iterate, limit, report| {
+                if let Some(forcing) = &mut forcing {
+                    system.set_tolerance(forcing.next(iterate.norm, limit));
+                }
+                if params.reuse_factorization && report.iterations == 1 && !system.starts_anew {
+                    system.reuse_factorization(problem, report)?;
+                } else {
+                    system.compute_direction(problem, params.keep_preconditioner, report)?;
+                }
                 if !params.has_step_criteria() {
                     return system.line_search(problem, params, limit, report);
                 }
@@ -171,21 +184,66 @@ impl<B: Backend<Reduced: Scalar>> NewtonSystem<B> {
     fn compute_direction<P: NonlinearProblem<B>>(
         &mut self,
         problem: &mut P,
+        keeps_preconditioner: bool,
         report: &mut NewtonReport,
     ) -> Result<(), Failure<B, P>> {
         let start = Instant::now();
         self.assemble(problem)?;
         let assembled = Instant::now();
-        report.count(&self.solver.factor(&self.matrix)?);
+        report.count(&self.prepare(keeps_preconditioner)?);
         let factored = Instant::now();
         if !self.border.is_empty() {
             problem.border(&mut self.border).map_err(NewtonError::Problem)?;
         }
-        report.linear_iterations += self.solve_linear()?.iterations;
+        report.count_solve(&self.solve_linear()?);
         report.seconds.jacobian += (assembled - start).as_secs_f64();
         report.seconds.factor += (factored - assembled).as_secs_f64();
         report.seconds.solve += factored.elapsed().as_secs_f64();
         Ok(())
+    }
+
+    /// Computes the direction at the current iterate with the factorization of an earlier Jacobian.
+    fn reuse_factorization<P: NonlinearProblem<B>>(
+        &mut self,
+        problem: &mut P,
+        report: &mut NewtonReport,
+    ) -> Result<(), Failure<B, P>> {
+        let start = Instant::now();
+        if !self.border.is_empty() {
+            problem.border(&mut self.border).map_err(NewtonError::Problem)?;
+        }
+        report.kept += 1;
+        report.count_solve(&self.solve_linear()?);
+        report.seconds.solve += start.elapsed().as_secs_f64();
+        Ok(())
+    }
+
+    /// Prepares the solver for the matrix. With `keeps_preconditioner` an iterative method may keep the preconditioner of
+    /// an earlier matrix ([`Solver::update`]), except for the first matrix after [`NewtonSystem::start_anew`].
+    ///
+    /// # Errors
+    /// Returns the error of the solver.
+    pub fn prepare(&mut self, keeps_preconditioner: bool) -> Result<FactorReport, SolveError<B::Error>> {
+        let starts_anew = std::mem::replace(&mut self.starts_anew, false);
+        if keeps_preconditioner && !starts_anew {
+            self.solver.update(&self.matrix)
+        } else {
+            self.solver.factor(&self.matrix)
+        }
+    }
+
+    /// Makes the next solutions independent of all matrices so far.
+    pub fn start_anew(&mut self) {
+        self.starts_anew = true;
+    }
+
+    /// Sets the relative residual to which an iterative method solves the next systems. With constraints, the systems
+    /// of the gradients are solved to a smaller one, because their solutions times the multipliers may cancel.
+    pub fn set_tolerance(&mut self, tolerance: f64) {
+        /// The least relative residual that rounding errors allow.
+        const LEAST: f64 = 1e-13;
+        let factor = if self.border.is_empty() { 1.0 } else { 1e-2 };
+        self.solver.set_tolerance((factor * tolerance).max(LEAST));
     }
 
     /// Solves the linear system with the factorization of the matrix: `residual` gives `direction`. With constraints,

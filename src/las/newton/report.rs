@@ -2,8 +2,8 @@
 
 use thiserror::Error;
 
-use super::Iterate;
-use crate::las::{FactorReport, Factorization, SolveError};
+use super::{Forcing, Iterate};
+use crate::las::{FactorReport, Factorization, SolveError, SolveReport};
 
 /// The parameters of Newton's method.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,6 +30,15 @@ pub struct NewtonParams {
     /// with the residual `r` before the step, the same `s`, and
     /// [`ResidualScale::scale`](super::ResidualScale::scale) for `|f|`. Default `None`.
     pub energy_tolerance: Option<f64>,
+    /// If given, an iterative linear solver solves each system only as far as Newton's method needs. Default `None`:
+    /// each system to the tolerance of the solver.
+    pub forcing: Option<Forcing>,
+    /// Whether an iterative linear solver may keep its preconditioner over several iterations
+    /// ([`Solver::update`](crate::las::Solver::update)). Default false.
+    pub keep_preconditioner: bool,
+    /// Whether the first iteration uses the factorization that the solver holds, of a nearby state (a chord step), instead
+    /// of a new one. Default false.
+    pub reuse_factorization: bool,
 }
 
 impl NewtonParams {
@@ -49,6 +58,9 @@ impl Default for NewtonParams {
             nonmonotone_memory: 6,
             step_tolerance: None,
             energy_tolerance: None,
+            forcing: None,
+            keep_preconditioner: false,
+            reuse_factorization: false,
         }
     }
 }
@@ -72,8 +84,13 @@ pub struct NewtonReport {
     pub lu: usize,
     /// Number of preconditioner setups of an iterative solver.
     pub approximate: usize,
+    /// Number of Jacobians for which an iterative solver kept the preconditioner of an earlier one, and of iterations with
+    /// the factorization of an earlier one.
+    pub kept: usize,
     /// Total number of iterations of the iterative solver.
     pub linear_iterations: usize,
+    /// Number of systems that the iterative solver did not solve and a direct one did.
+    pub fallbacks: usize,
     /// Number of factorizations that found a Jacobian declared positive definite to be indefinite.
     pub indefinite: usize,
     /// Number of factorizations that found the shifted Jacobian singular or too ill-conditioned (regularized Newton).
@@ -111,6 +128,11 @@ impl NewtonReport {
         self.relative.push(iterate.residual_scale.relative(iterate.norm));
     }
 
+    pub(super) fn count_solve(&mut self, solve: &SolveReport) {
+        self.linear_iterations += solve.iterations;
+        self.fallbacks += solve.fallbacks;
+    }
+
     pub(super) fn count(&mut self, factor: &FactorReport) {
         self.indefinite += usize::from(factor.indefinite_at.is_some());
         match factor.kind {
@@ -118,6 +140,7 @@ impl NewtonReport {
             Factorization::Ldlt => self.ldlt += 1,
             Factorization::Lu => self.lu += 1,
             Factorization::Approximate => self.approximate += 1,
+            Factorization::Kept => self.kept += 1,
         }
     }
 }

@@ -3,10 +3,12 @@
 //! A call takes microseconds to seconds, so the cost of a virtual call is negligible: [`Solver`] and
 //! [`MatVec`](super::MatVec) are object-safe.
 
+mod choice;
 mod error;
 mod params;
 mod report;
 
+pub use choice::SolverChoice;
 pub use error::{SolveError, StopReason};
 pub use params::{InvalidParameter, Iterative, Krylov, Method, Ordering, Preconditioner, SolverParams, Symmetry};
 pub use report::{FactorReport, Factorization, SolveReport};
@@ -26,6 +28,37 @@ pub trait Solver<B: Backend>: Send {
     /// # Errors
     /// Returns [`SolveError::Singular`], [`SolveError::NotFinite`], [`SolveError::Size`], [`SolveError::Pattern`].
     fn factor(&mut self, a: &B::Matrix) -> Result<FactorReport, SolveError<B::Error>>;
+
+    /// Prepares solves with `a` like [`Solver::factor`], but an iterative method may keep the preconditioner of an
+    /// earlier matrix while it serves: the next solves need hardly more iterations. Results then depend on the matrices
+    /// since the last [`Solver::factor`], within the tolerance. The default calls [`Solver::factor`].
+    ///
+    /// # Errors
+    /// As for [`Solver::factor`].
+    fn update(&mut self, a: &B::Matrix) -> Result<FactorReport, SolveError<B::Error>> {
+        self.factor(a)
+    }
+
+    /// Sets the relative residual at which an iterative method stops in the next solves. A direct method ignores it.
+    fn set_tolerance(&mut self, tolerance: f64) {
+        let _ = tolerance;
+    }
+
+    /// Returns true if the preconditioner uses the vectors of [`Solver::set_near_null_space`].
+    fn uses_near_null_space(&self) -> bool {
+        false
+    }
+
+    /// Passes vectors on which the matrix is almost zero to the preconditioner, for the next [`Solver::factor`]: for
+    /// elasticity, the six rigid motions. Each has the entries of a vector of this rank. Preconditioners other than
+    /// multigrid ignore them.
+    ///
+    /// # Errors
+    /// Returns [`SolveError::Size`] if the length of a vector is not the number of unknowns.
+    fn set_near_null_space(&mut self, vectors: &[Vec<B::Scalar>]) -> Result<(), SolveError<B::Error>> {
+        let _ = vectors;
+        Ok(())
+    }
 
     /// Factors `a` if it is positive definite, and stops early otherwise: for callers that modify an indefinite matrix
     /// rather than solve with it.

@@ -64,7 +64,10 @@ pub enum Preconditioner {
         /// Number of off-diagonal entries kept in each row of either factor, the largest ones; `usize::MAX` keeps all.
         fill: usize,
     },
-    /// Algebraic multigrid of the backend's library.
+    /// Algebraic multigrid by smoothed aggregation: that of `sparse` (the module `backends::sparse::multigrid`), or
+    /// PETSc's GAMG. Elasticity needs the rigid motions ([`Solver::set_near_null_space`]).
+    ///
+    /// [`Solver::set_near_null_space`]: super::Solver::set_near_null_space
     Multigrid,
 }
 
@@ -142,7 +145,7 @@ impl Iterative {
             Krylov::BiCgStab => "BiCGSTAB",
             Krylov::Gmres { .. } => "GMRES",
         };
-        let SolveReport { iterations, residual } = report;
+        let SolveReport { iterations, residual, .. } = report;
         SolveError::NotConverged { method, iterations, residual, tolerance: self.tolerance, stop_reason }
     }
 }
@@ -186,6 +189,9 @@ pub struct SolverParams {
     pub ordering: Ordering,
     /// Direct or iterative solution.
     pub method: Method,
+    /// Whether to solve directly where an iterative method fails: it does not converge, or there is no preconditioner.
+    /// The direct method is then used until the next [`Solver::factor`](super::Solver::factor). Default false.
+    pub fallback: bool,
 }
 
 impl Default for SolverParams {
@@ -197,7 +203,7 @@ impl Default for SolverParams {
 impl SolverParams {
     /// The default parameters for a matrix of the given symmetry.
     pub fn new(symmetry: Symmetry) -> Self {
-        Self { symmetry, singular_below: None, ordering: Ordering::Auto, method: Method::Direct }
+        Self { symmetry, singular_below: None, ordering: Ordering::Auto, method: Method::Direct, fallback: false }
     }
 
     /// Checks that all parameters are in range.

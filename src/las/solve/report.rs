@@ -12,6 +12,8 @@ pub enum Factorization {
     Lu,
     /// No exact factorization: an iterative method set up its preconditioner.
     Approximate,
+    /// An iterative method keeps the preconditioner of an earlier matrix ([`Solver::update`](super::Solver::update)).
+    Kept,
 }
 
 /// The result of a factorization.
@@ -39,15 +41,23 @@ pub struct SolveReport {
     pub iterations: usize,
     /// Largest relative residual over all right-hand sides; 0 for a direct method, which does not compute it.
     pub residual: f64,
+    /// Number of iterative solutions that failed and were replaced by direct ones ([`SolverParams::fallback`]).
+    ///
+    /// [`SolverParams::fallback`]: super::SolverParams::fallback
+    pub fallbacks: usize,
 }
 
 impl SolveReport {
     /// The report of a direct solve.
-    pub const DIRECT: Self = Self { iterations: 0, residual: 0.0 };
+    pub const DIRECT: Self = Self { iterations: 0, residual: 0.0, fallbacks: 0 };
 
     /// Combines two reports: adds the iterations and takes the larger residual.
     #[must_use]
     pub fn merge(self, other: Self) -> Self {
-        Self { iterations: self.iterations + other.iterations, residual: self.residual.max(other.residual) }
+        Self {
+            iterations: self.iterations + other.iterations,
+            residual: self.residual.max(other.residual),
+            fallbacks: self.fallbacks + other.fallbacks,
+        }
     }
 }

@@ -188,6 +188,10 @@ impl<B: RealBackend> PointField for TissueField<B> {
         Ok(!changes.is_empty())
     }
 
+    fn is_cheap(&self) -> bool {
+        self.sites.rves() == 0
+    }
+
     fn commit(&mut self) -> Result<(), Self::Error> {
         self.units.commit();
         let deleted = self.sites.commit();

@@ -204,6 +204,10 @@ impl<C: Comm, B: RealBackend> PointField for ScaleField<'_, C, B> {
         Ok(!changes.is_empty())
     }
 
+    fn is_cheap(&self) -> bool {
+        self.sites.rves() == 0
+    }
+
     fn commit(&mut self) -> Result<(), Self::Error> {
         let ended = self.end_step(true);
         self.record_error(ended)?;

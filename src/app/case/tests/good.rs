@@ -78,7 +78,7 @@ fn every_entry_is_read() {
         displacement_tolerance: Some(1e-5),
         energy_tolerance: None,
         start: StepStart::Prescribed,
-        solver: Method::Iterative(cg),
+        solver: Some(SolverCase { method: Method::Iterative(cg), fixed_tolerance: true }),
     };
     assert_eq!(case.newton, newton);
     assert_eq!(
@@ -115,7 +115,7 @@ fn defaults_fill_in() {
         displacement_tolerance: None,
         energy_tolerance: None,
         start: StepStart::Tangent,
-        solver: Method::Direct,
+        solver: None,
     };
     assert_eq!(case.newton, newton);
     assert_eq!(

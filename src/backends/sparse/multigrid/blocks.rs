@@ -1,0 +1,224 @@
+//! Sparse matrices of small dense blocks of one size.
+
+use bytemuck::Pod;
+use rayon::prelude::*;
+
+use crate::las::Scalar;
+
+/// The largest number of rows or columns of a block.
+pub(super) const MOST: usize = 6;
+
+/// A number of a block matrix: `f64` or `f32`.
+pub(super) trait Entry: Scalar + Pod {}
+
+impl<T: Scalar + Pod> Entry for T {}
+
+/// Returns the smallest supported block size that is not below `size`, which is at most [`MOST`].
+pub(super) fn padded(size: usize) -> usize {
+    match size {
+        0 | 1 => 1,
+        2 | 3 => 3,
+        _ => MOST,
+    }
+}
+
+/// Evaluates an expression with the sizes of a block, 1, 3 or 6 each, as constants.
+macro_rules! with_sizes {
+    ($rows:expr, $cols:expr, $R:ident, $C:ident => $body:expr) => {
+        match ($rows, $cols) {
+            (1, 1) => with_sizes!(@one 1, 1, $R, $C => $body),
+            (1, 3) => with_sizes!(@one 1, 3, $R, $C => $body),
+            (1, _) => with_sizes!(@one 1, 6, $R, $C => $body),
+            (3, 1) => with_sizes!(@one 3, 1, $R, $C => $body),
+            (3, 3) => with_sizes!(@one 3, 3, $R, $C => $body),
+            (3, _) => with_sizes!(@one 3, 6, $R, $C => $body),
+            (_, 1) => with_sizes!(@one 6, 1, $R, $C => $body),
+            (_, 3) => with_sizes!(@one 6, 3, $R, $C => $body),
+            _ => with_sizes!(@one 6, 6, $R, $C => $body),
+        }
+    };
+    (@one $r:literal, $c:literal, $R:ident, $C:ident => $body:expr) => {{
+        const $R: usize = $r;
+        const $C: usize = $c;
+        $body
+    }};
+}
+/// Evaluates an expression with the size of a square block as a constant.
+macro_rules! with_size {
+    ($size:expr, $S:ident => $body:expr) => {
+        match $size {
+            1 => with_size!(@one 1, $S => $body),
+            3 => with_size!(@one 3, $S => $body),
+            _ => with_size!(@one 6, $S => $body),
+        }
+    };
+    (@one $s:literal, $S:ident => $body:expr) => {{
+        const $S: usize = $s;
+        $body
+    }};
+}
+pub(super) use {with_size, with_sizes};
+
+/// Compressed rows of blocks; the columns of each row ascend, and the entries of a block are stored by columns.
+#[derive(Clone, Debug)]
+pub(super) struct BlockMatrix<T> {
+    /// Rows and columns of a block.
+    pub size: (usize, usize),
+    /// Number of block columns.
+    pub cols: usize,
+    /// The first block of each block row, followed by the number of blocks.
+    pub offsets: Vec<u32>,
+    /// The block column of each block.
+    pub columns: Vec<u32>,
+    /// The entries of all blocks.
+    pub values: Vec<T>,
+}
+
+/// The number of block rows that a task processes.
+const ROWS_PER_TASK: usize = 4096;
+
+/// The least number of entries that a task copies.
+const ENTRIES_PER_TASK: usize = 1 << 15;
+
+impl<T> BlockMatrix<T> {
+    /// Returns the number of block rows.
+    pub fn rows(&self) -> usize {
+        self.offsets.len() - 1
+    }
+
+    /// Returns the indices of the blocks of a row.
+    #[inline(always)]
+    pub fn range(&self, row: usize) -> std::ops::Range<usize> {
+        self.offsets[row] as usize..self.offsets[row + 1] as usize
+    }
+}
+
+impl<T: Entry> BlockMatrix<T> {
+    /// Creates a matrix of zeros.
+    pub fn zeros(size: (usize, usize), cols: usize, offsets: Vec<u32>, columns: Vec<u32>) -> Self {
+        let values = vec![T::zero(); columns.len() * size.0 * size.1];
+        Self { size, cols, offsets, columns, values }
+    }
+
+    /// Returns the blocks as arrays of columns.
+    #[inline(always)]
+    pub fn blocks<const R: usize, const C: usize>(&self) -> &[[[T; R]; C]] {
+        bytemuck::cast_slice(&self.values)
+    }
+
+    /// Returns zeros with the pattern of this matrix.
+    pub fn zeros_like<U: Entry>(&self) -> BlockMatrix<U> {
+        BlockMatrix::zeros(self.size, self.cols, self.offsets.clone(), self.columns.clone())
+    }
+
+    /// Copies a matrix of the same pattern and other precision, divided by `unit`.
+    pub fn convert_from(&mut self, from: &BlockMatrix<f64>, unit: f64) {
+        let scale = 1.0 / unit;
+        let entries = self.values.par_iter_mut().zip(&from.values).with_min_len(ENTRIES_PER_TASK);
+        entries.for_each(|(to, from)| *to = T::of(from * scale));
+    }
+
+    /// Copies the transpose of a matrix; block `k` of `from` goes to block `positions[k]`.
+    pub fn transpose_from(&mut self, from: &BlockMatrix<f64>, positions: &[u32]) {
+        let (r, c) = from.size;
+        for (block, &position) in from.values.chunks_exact(r * c).zip(positions) {
+            let target = &mut self.values[position as usize * r * c..][..r * c];
+            for (k, &value) in block.iter().enumerate() {
+                target[(k % r) * c + k / r] = T::of(value);
+            }
+        }
+    }
+
+    /// Returns zeros in the pattern of the transpose, and the index of the transpose of each block.
+    pub fn transposed_pattern(&self) -> (Self, Vec<u32>) {
+        let offsets = crate::las::offsets(self.cols, self.columns.iter().map(|&column| column as usize));
+        let mut next = offsets.clone();
+        let mut transpose = Self::zeros((self.size.1, self.size.0), self.rows(), offsets, vec![0; self.columns.len()]);
+        let mut positions = Vec::with_capacity(self.columns.len());
+        for row in 0..self.rows() {
+            for &column in &self.columns[self.range(row)] {
+                let to = &mut next[column as usize];
+                transpose.columns[*to as usize] = row as u32;
+                positions.push(*to);
+                *to += 1;
+            }
+        }
+        (transpose, positions)
+    }
+
+    /// Computes `y = A x`, or `y += A x` if `ADD`.
+    pub fn multiply<const ADD: bool>(&self, x: &[T], y: &mut [T]) {
+        with_sizes!(self.size.0, self.size.1, R, C => self.multiply_sized::<R, C, ADD>(x, y));
+    }
+
+    fn multiply_sized<const R: usize, const C: usize, const ADD: bool>(&self, x: &[T], y: &mut [T]) {
+        let (x, y): (&[[T; C]], &mut [[T; R]]) = (bytemuck::cast_slice(x), bytemuck::cast_slice_mut(y));
+        let of_task = |(task, y): (usize, &mut [[T; R]])| {
+            vectorized(
+                #[inline(always)]
+                || self.multiply_rows::<R, C, ADD>(task * ROWS_PER_TASK, x, y),
+            );
+        };
+        for_each_chunk(y, of_task);
+    }
+
+    #[inline(always)]
+    fn multiply_rows<const R: usize, const C: usize, const ADD: bool>(
+        &self,
+        first: usize,
+        x: &[[T; C]],
+        y: &mut [[T; R]],
+    ) {
+        let blocks = self.blocks::<R, C>();
+        for (row, y) in y.iter_mut().enumerate() {
+            let range = self.range(first + row);
+            let product = row_product(&blocks[range.clone()], &self.columns[range], x);
+            for (y, value) in y.iter_mut().zip(product) {
+                *y = if ADD { *y + value } else { value };
+            }
+        }
+    }
+}
+
+/// Calls a function for consecutive chunks of [`ROWS_PER_TASK`] entries, in parallel.
+pub(super) fn for_each_chunk<V: Send>(values: &mut [V], of_task: impl Fn((usize, &mut [V])) + Sync + Send) {
+    if values.len() <= ROWS_PER_TASK {
+        if !values.is_empty() {
+            of_task((0, values));
+        }
+    } else {
+        values.par_chunks_mut(ROWS_PER_TASK).enumerate().for_each(of_task);
+    }
+}
+
+/// Runs a loop compiled for the vector instructions of this machine; everything that it calls must be inlined.
+#[inline]
+pub(super) fn vectorized(run: impl FnOnce()) {
+    pulp::Arch::new().dispatch(run);
+}
+
+/// Returns the sum of the products of blocks with the entries of `x` at their columns.
+#[inline(always)]
+pub(super) fn row_product<T: Entry, const R: usize, const C: usize>(
+    blocks: &[[[T; R]; C]],
+    columns: &[u32],
+    x: &[[T; C]],
+) -> [T; R] {
+    // One sum per column of the block: independent chains of additions.
+    let mut sums = [[T::zero(); R]; C];
+    for (block, &column) in blocks.iter().zip(columns) {
+        let x = &x[column as usize];
+        for j in 0..C {
+            for i in 0..R {
+                sums[j][i] += block[j][i] * x[j];
+            }
+        }
+    }
+    let mut sum = sums[0];
+    for other in &sums[1..] {
+        for i in 0..R {
+            sum[i] += other[i];
+        }
+    }
+    sum
+}
