@@ -17,6 +17,7 @@ use crate::fem::mesh::shapes::{self, ShapeError};
 use crate::fem::mesh::{Mesh, MeshError, gmsh};
 use crate::fem::stepping::{IncrementControl, StepParams};
 use crate::input::{InputError, InputErrors};
+use crate::las::{Forcing, SolverParams};
 
 /// Reads or generates the mesh of a case, in meters, and checks the names in the case against it. Also returns the
 /// warnings of the reader.
@@ -382,11 +383,8 @@ pub fn step_params(case: &Case) -> StepParams {
         ..StepParams::default()
     };
     if let Some(SolverCase { method, fixed_tolerance }) = case.newton.solver {
-        params.solver.method = method;
-        params.solver_by_size = false;
-        if fixed_tolerance {
-            params.newton.forcing = None;
-        }
+        params.solver = Some(SolverParams { method, ..SolverParams::default() });
+        params.newton.forcing = (!fixed_tolerance).then(Forcing::default);
     }
     params.newton.tolerance = case.newton.tolerance;
     params.newton.max_iterations = case.newton.max_iterations;

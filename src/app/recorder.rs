@@ -10,7 +10,7 @@ use super::checkpoint;
 use super::formula_fibers::FormulaFibers;
 use super::results::collection::{Entry, field_file, index_file, partial, point_file, point_index_file};
 use super::results::log::{
-    Balance, Cut, Event, Factorizations, LogWriter, NewtonLog, NewtonSeconds, RankTimes, Ranks, RveLog, Step,
+    Balance, Cut, Event, Factorizations, LinearLog, LogWriter, NewtonLog, NewtonSeconds, RankTimes, Ranks, RveLog, Step,
 };
 use super::results::{
     self, CASE_FILE, Collection, FIELDS_FILE, FieldFile, FieldSet, LOADS_FILE, LOG_FILE, LoadNames, LoadRow,
@@ -23,8 +23,8 @@ use crate::fem::constraint::Constraints;
 use crate::fem::equilibrium::BodyState;
 use crate::fem::mesh::Mesh;
 use crate::fem::reactions::{BoundaryForces, RigidForce, SurfaceForce};
-use crate::fem::stepping::{ConvergedStep, FailedAttempt};
-use crate::las::{self, NewtonReport};
+use crate::fem::stepping::{ConvergedStep, FailedAttempt, Iterating};
+use crate::las::{self, NewtonReport, SolveReport};
 use crate::output;
 use crate::tissue::micro_scale::{FailedRve, RveStats, RveStatus, TissueMaterial};
 
@@ -35,6 +35,11 @@ pub trait Progress {
 
     /// Called after an attempt has failed; the increment is then halved, if there are halvings left.
     fn failed(&mut self, cut: &Cut);
+
+    /// Called before every iteration of Newton's method of the body.
+    fn iterating(&mut self, iteration: &Iterating<'_>) {
+        let _ = iteration;
+    }
 }
 
 /// Ignores progress.
@@ -334,6 +339,10 @@ impl Recorder<'_> {
         self.log.write(&Event::Step(line))
     }
 
+    pub fn iterating(&mut self, iteration: &Iterating<'_>) {
+        self.progress.iterating(iteration);
+    }
+
     pub fn failed<M: TissueMaterial, F: std::error::Error>(
         &mut self,
         attempt: &FailedAttempt<'_, M, F>,
@@ -382,6 +391,7 @@ fn newton_log(reports: &[NewtonReport], seconds: las::NewtonSeconds, total: f64)
             kept: sum(|report| report.kept),
         },
         linear_iterations: sum(|report| report.linear_iterations),
+        linear: reports.iter().flat_map(|report| &report.linear_solves).map(linear_log).collect(),
         fallbacks: sum(|report| report.fallbacks),
         seconds: NewtonSeconds {
             point_field: seconds.residual,
@@ -391,6 +401,10 @@ fn newton_log(reports: &[NewtonReport], seconds: las::NewtonSeconds, total: f64)
             total,
         },
     }
+}
+
+fn linear_log(solve: &SolveReport) -> LinearLog {
+    LinearLog { iterations: solve.iterations, residual: solve.residual }
 }
 
 /// Returns what the columns of the table of loads describe.

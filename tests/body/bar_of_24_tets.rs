@@ -95,7 +95,8 @@ where
 #[cfg(feature = "sparse")]
 fn an_iterative_solver_gives_the_exact_solution() {
     let method = Iterative { tolerance: 1e-12, ..Iterative::default() };
-    let params = StepParams { count: 4, solver: SolverParams::default().iterative(method), ..StepParams::default() };
+    let params =
+        StepParams { count: 4, solver: Some(SolverParams::default().iterative(method)), ..StepParams::default() };
     let field = FormulaField::uniform(material(), &mesh());
     let mesh = Arc::new(mesh());
     let mut stepper = Stepper::<Sparse, _>::new(&(), mesh, &conditions(), field, params).unwrap();

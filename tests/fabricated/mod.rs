@@ -88,6 +88,7 @@ pub fn write(dir: &Path, cells: [usize; 3]) {
         unknowns: 3 * bar.points.len(),
         rves,
         networks: 12,
+        solver: "direct".into(),
         threads: 4,
         ranks: [1, 0],
         version: "0.1.0".into(),
@@ -153,6 +154,8 @@ fn newton(step: usize) -> NewtonLog {
         line_search_cuts: 0,
         factorizations: Factorizations { cholesky: 3, ..Factorizations::default() },
         linear_iterations: 0,
+        linear: Vec::new(),
+        fallbacks: 0,
         seconds: NewtonSeconds {
             point_field: 9.0 + step as f64 / 3.0,
             assembly: 0.6,

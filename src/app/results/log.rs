@@ -163,10 +163,23 @@ pub struct NewtonLog {
     pub factorizations: Factorizations,
     /// Total number of iterations of an iterative linear solver, those of linearized starts included.
     pub linear_iterations: usize,
+    /// The iterations and the relative residual of each of its solutions within Newton's method.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub linear: Vec<LinearLog>,
     /// Number of systems that an iterative linear solver did not solve and a direct one did.
     pub fallbacks: usize,
     /// Wall time of the phases.
     pub seconds: NewtonSeconds,
+}
+
+/// The solution of a linear system by an iterative solver.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct LinearLog {
+    /// Number of iterations.
+    pub iterations: usize,
+    /// Norm of the residual over that of the right-hand side; with several right-hand sides, the largest.
+    pub residual: f64,
 }
 
 /// Number of factorizations of each kind.

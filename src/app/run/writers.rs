@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::app::recorder::Recorder;
 use crate::app::results::ResultsError;
-use crate::fem::stepping::{ConvergedStep, FailedAttempt, StepObserver};
+use crate::fem::stepping::{ConvergedStep, FailedAttempt, Iterating, StepObserver};
 use crate::tissue::micro_scale::TissueMaterial;
 
 /// Processes that take the same steps of a run: one of them writes the results, and all continue only if it succeeded.
@@ -81,6 +81,12 @@ impl<M: TissueMaterial, F: std::error::Error> StepObserver<M, F> for AgreedRecor
 
     fn converged(&mut self, step: &ConvergedStep<'_, M>) -> Result<(), ResultsError> {
         self.write(|recorder| recorder.converged(step))
+    }
+
+    fn iterating(&mut self, iteration: &Iterating<'_>) {
+        if let Some(recorder) = &mut self.recorder {
+            recorder.iterating(iteration);
+        }
     }
 
     fn failed(&mut self, attempt: &FailedAttempt<'_, M, F>) -> Result<(), ResultsError> {

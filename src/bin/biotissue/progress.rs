@@ -8,6 +8,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use biotissue::app::Progress;
 use biotissue::app::results::log::{Cut, Step};
 use biotissue::app::run::ProblemSize;
+use biotissue::fem::stepping::Iterating;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::interrupt::{self, Interrupted};
@@ -112,6 +113,21 @@ impl Progress for Reporter {
             }
             None => output::message(&line),
         }
+    }
+
+    fn iterating(&mut self, iteration: &Iterating<'_>) {
+        let Some(bar) = &self.bar else { return };
+        let Iterating { step, t, newton, .. } = iteration;
+        let linear = match newton.linear_solves.last() {
+            Some(last) => format!(", linear solver {} iterations to {:.0e}", last.iterations, last.residual),
+            None => String::new(),
+        };
+        let residual = newton.relative.last().copied().unwrap_or(0.0);
+        set_style(bar, "{bar:32} step {pos}/{len} {elapsed} {msg}");
+        bar.set_message(format!(
+            "(step {step} to t = {t:.4}: iteration {}, residual {residual:.1e}{linear})",
+            newton.iterations
+        ));
     }
 
     fn failed(&mut self, cut: &Cut) {

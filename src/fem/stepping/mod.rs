@@ -55,7 +55,7 @@ use std::sync::Arc;
 
 pub use error::{SetupError, StepFailure, SteppingError};
 pub use increments::{AdaptiveIncrements, IncrementControl};
-pub use observer::{ConvergedStep, FailedAttempt, StepObserver};
+pub use observer::{ConvergedStep, FailedAttempt, Iterating, StepObserver};
 pub use params::{StepParams, StepReport, StepStart};
 pub use saved::{RestoreError, SavedState, StepperRestoreError};
 
@@ -68,8 +68,8 @@ use super::point_field::PointField;
 use super::reactions::BoundaryForces;
 use super::rigid_modes;
 use crate::las::{
-    Backend, NewtonError, NewtonFailure, NewtonParams, NewtonReport, NewtonSystem, NonlinearProblem, RealBackend,
-    SolveError, SolverChoice, VectorOps,
+    Backend, Forcing, NewtonError, NewtonFailure, NewtonParams, NewtonReport, NewtonSystem, NonlinearProblem,
+    RealBackend, SolveError, SolverChoice, VectorOps,
 };
 use increments::Increments;
 pub use system::LinearSystem;
@@ -99,6 +99,9 @@ type Attempt<B, P, T> = Result<T, FailedAttemptOf<B, P>>;
 type FailedAttemptOf<B, P> = Box<Failed<<P as PointField>::Error, <B as Backend>::Error>>;
 type SolveFailure<B, P> =
     NewtonFailure<EquilibriumError<<P as PointField>::Error, <B as Backend>::Error>, <B as Backend>::Error>;
+
+/// Receives the report of Newton's method before every iteration.
+type Watch<'a> = &'a mut dyn FnMut(&NewtonReport);
 
 /// The start and the end of an attempt in pseudo-time.
 #[derive(Clone, Copy)]
@@ -148,7 +151,7 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
         mesh: Arc<Mesh>,
         conditions: &Conditions,
         field: P,
-        params: StepParams,
+        mut params: StepParams,
     ) -> Result<Self, SetupError<P::Error, B::Error>> {
         assert_eq!(order.len(), mesh.nodes().len(), "the order has one entry per node");
         let boundary = Boundary::new(&mesh, conditions)?;
@@ -165,6 +168,9 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
         assembler.locate_constraints(&constraints, &system.matrix).map_err(SolveError::Backend)?;
         let break_points = merged(boundary.break_points(), constraints.break_points());
         let body = Equilibrium::constrained(mesh, boundary, constraints, assembler, field)?;
+        if choice.is_some() {
+            params.newton.forcing = params.newton.forcing.or_else(|| Some(Forcing::default()));
+        }
         let increments = Increments::new(&params);
         let reuses_factorization = has_costly_factorization && body.field().is_cheap();
         Ok(Self {
@@ -285,7 +291,9 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
         observer: &mut O,
     ) -> Result<bool, RunError<B, P, O::Error>> {
         let mut solves = Vec::new();
-        let outcome = match self.attempt(span.t, report, &mut solves) {
+        let (step, count, t) = (span.step, self.params.count, span.t);
+        let mut watch = |newton: &NewtonReport| observer.iterating(&Iterating { step, count, t, newton });
+        let outcome = match self.attempt(t, report, &mut solves, &mut watch) {
             Ok(()) => self.body.commit().map_err(|error| Self::unrecoverable(error, NewtonReport::default())),
             Err(failed) => match self.body.revert() {
                 Ok(()) => Err(failed),
@@ -348,7 +356,13 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
     /// the committed state, all constraints hold, and no point changes its material. Material changes last, because
     /// they are decided by the state that the step would end in. `solves` collects the reports of the converged Newton
     /// solves.
-    fn attempt(&mut self, t: f64, report: &mut StepReport, solves: &mut Vec<NewtonReport>) -> Attempt<B, P, ()> {
+    fn attempt(
+        &mut self,
+        t: f64,
+        report: &mut StepReport,
+        solves: &mut Vec<NewtonReport>,
+        watch: Watch<'_>,
+    ) -> Attempt<B, P, ()> {
         /// If responses still do not continue the committed state after this many rounds, they alternate between
         /// branches, and only a smaller increment helps.
         const MAX_REPLACEMENTS: usize = 5;
@@ -358,7 +372,7 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
         self.body.set_near_null_space(unknowns, &mut self.system.solver).map_err(|error| {
             Self::failed(NewtonFailure { reason: NewtonError::Solve(error), report: Box::default() })
         })?;
-        solves.push(self.start(t, report)?);
+        solves.push(self.start(t, report, watch)?);
         let (mut evolutions, mut replacements, mut augmentations) = (0, 0, 0);
         loop {
             if self.body.verify().map_err(Self::rejected)? {
@@ -382,7 +396,8 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
             } else {
                 break;
             }
-            solves.push(self.system.solve(&mut self.body, &self.params.newton).map_err(Self::failed)?);
+            let solved = self.system.solve_watched(&mut self.body, &self.params.newton, watch);
+            solves.push(solved.map_err(Self::failed)?);
         }
         self.body.check_balance(self.params.newton.tolerance).map_err(Self::rejected)
     }
@@ -391,22 +406,28 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
     /// prescribed displacements, and from the other one if the chosen start fails: the tangent may be singular, and
     /// moving only the boundary may invert the adjacent elements. The undeformed body always starts from the
     /// linearization.
-    fn start(&mut self, t: f64, report: &mut StepReport) -> Attempt<B, P, NewtonReport> {
+    fn start(&mut self, t: f64, report: &mut StepReport, watch: Watch<'_>) -> Attempt<B, P, NewtonReport> {
         let first = if self.undeformed { StepStart::Tangent } else { self.params.start };
-        match self.solve_from(first, t, report) {
+        match self.solve_from(first, t, report, watch) {
             Err(failed) if failed.at_start && !self.undeformed && !failed.unrecoverable => {
                 self.body.revert().map_err(|error| Self::unrecoverable(error, NewtonReport::default()))?;
                 let second = match first {
                     StepStart::Tangent => StepStart::Prescribed,
                     StepStart::Prescribed => StepStart::Tangent,
                 };
-                self.solve_from(second, t, report)
+                self.solve_from(second, t, report, watch)
             }
             outcome => outcome,
         }
     }
 
-    fn solve_from(&mut self, start: StepStart, t: f64, report: &mut StepReport) -> Attempt<B, P, NewtonReport> {
+    fn solve_from(
+        &mut self,
+        start: StepStart,
+        t: f64,
+        report: &mut StepReport,
+        watch: Watch<'_>,
+    ) -> Attempt<B, P, NewtonReport> {
         match start {
             StepStart::Prescribed => self.body.begin_step(t),
             StepStart::Tangent => {
@@ -427,7 +448,7 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
         }
         let reuse_factorization = self.reuses_factorization && start == StepStart::Tangent;
         let newton = NewtonParams { reuse_factorization, ..self.params.newton };
-        self.system.solve(&mut self.body, &newton).map_err(|failure| {
+        self.system.solve_watched(&mut self.body, &newton, watch).map_err(|failure| {
             let at_start = start == StepStart::Prescribed && Self::failed_at_first_residual(&failure);
             Box::new(Failed { at_start, ..*Self::failed(failure) })
         })

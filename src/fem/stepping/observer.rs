@@ -23,6 +23,11 @@ pub trait StepObserver<P: PointField, F: std::error::Error> {
     /// An error stops the run, which keeps the state of this step.
     fn converged(&mut self, step: &ConvergedStep<'_, P>) -> Result<(), Self::Error>;
 
+    /// Called before every iteration of Newton's method, to show progress within a step.
+    fn iterating(&mut self, iteration: &Iterating<'_>) {
+        let _ = iteration;
+    }
+
     /// Called after an attempt has failed; the state is again the last converged one.
     ///
     /// # Errors
@@ -40,6 +45,19 @@ impl<P: PointField, F: std::error::Error> StepObserver<P, F> for () {
     fn converged(&mut self, _: &ConvergedStep<'_, P>) -> Result<(), Infallible> {
         Ok(())
     }
+}
+
+/// Newton's method within an attempt at an increment.
+#[derive(Clone, Copy, Debug)]
+pub struct Iterating<'a> {
+    /// The step, from 1.
+    pub step: usize,
+    /// Number of steps of the run.
+    pub count: usize,
+    /// Pseudo-time at the end of the increment.
+    pub t: f64,
+    /// Newton's method so far.
+    pub newton: &'a NewtonReport,
 }
 
 /// A converged full step; increments are only counted.

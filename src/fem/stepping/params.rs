@@ -2,7 +2,7 @@
 
 use super::IncrementControl;
 use crate::fem::equilibrium::LinearizedStart;
-use crate::las::{Forcing, NewtonParams, NewtonReport, NewtonSeconds, SolverParams};
+use crate::las::{NewtonParams, NewtonReport, NewtonSeconds, SolverParams};
 
 /// Parameters of load stepping.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,14 +21,12 @@ pub struct StepParams {
     /// Initial guess of Newton in all steps except the first. Default [`StepStart::Tangent`].
     pub start: StepStart,
     /// Stopping criteria of Newton. Default: a tolerance of `1e-8`, 25 iterations, up to 10 reductions of the step
-    /// length in the line search. An iterative solver uses forcing terms ([`Forcing`]) and keeps its preconditioner
-    /// within an attempt at an increment.
+    /// length in the line search. An iterative solver keeps its preconditioner within an attempt at an increment; one
+    /// that is chosen by size uses the default forcing terms if none are given.
     pub newton: NewtonParams,
-    /// Solver of the linear systems, unless [`StepParams::solver_by_size`] is set. Default: a direct solver for positive
-    /// definite systems.
-    pub solver: SolverParams,
-    /// Whether to choose the solver by [`SolverChoice`](crate::las::SolverChoice) instead. Default true.
-    pub solver_by_size: bool,
+    /// Solver of the linear systems; its symmetry is that of the elements. Default `None`: the one that
+    /// [`SolverChoice`](crate::las::SolverChoice) chooses, for definite elements.
+    pub solver: Option<SolverParams>,
 }
 
 impl StepParams {
@@ -38,13 +36,8 @@ impl StepParams {
 
 impl Default for StepParams {
     fn default() -> Self {
-        let newton = NewtonParams {
-            tolerance: 1e-8,
-            max_iterations: 25,
-            forcing: Some(Forcing::default()),
-            keep_preconditioner: true,
-            ..NewtonParams::default()
-        };
+        let newton =
+            NewtonParams { tolerance: 1e-8, max_iterations: 25, keep_preconditioner: true, ..NewtonParams::default() };
         Self {
             count: 10,
             max_cuts: 6,
@@ -53,8 +46,7 @@ impl Default for StepParams {
             max_augmentations: 50,
             start: StepStart::default(),
             newton,
-            solver: SolverParams::default(),
-            solver_by_size: true,
+            solver: None,
         }
     }
 }

@@ -43,17 +43,17 @@ impl LinearSystem {
         let unknowns = Unknowns::in_order(order, |node, component| prescribed[node][component])?
             .with_kinematics(boundary.kinematics(), &boundary.prescribed_of_rigid_surfaces())?;
         let pattern = Arc::new(unknowns.pattern(mesh)?);
-        let elements = if mesh.patches().is_empty() { params.solver.symmetry } else { Symmetry::None };
+        let of_elements = params.solver.map_or(Symmetry::Definite, |solver| solver.symmetry);
+        let elements = if mesh.patches().is_empty() { of_elements } else { Symmetry::None };
         let symmetry = match boundary.symmetry(elements) {
             // Pressures of constraints may make the matrix indefinite.
             Symmetry::Definite if constraints > 0 => Symmetry::Symmetric,
             symmetry => symmetry,
         };
         let by_size = SolverChoice::new(&pattern, symmetry, 1 + constraints, B::HAS_MULTIGRID);
-        let choice = params.solver_by_size.then_some(by_size);
-        let solver = match &choice {
-            Some(choice) => SolverParams { ordering: params.solver.ordering, ..choice.params(symmetry) },
-            None => SolverParams { symmetry, ..params.solver },
+        let (solver, choice) = match params.solver {
+            Some(solver) => (SolverParams { symmetry, ..solver }, None),
+            None => (by_size.params(symmetry), Some(by_size)),
         };
         let has_costly_factorization = solver.method == Method::Direct && by_size.operations > COSTLY;
         Ok(Self { unknowns, pattern, solver, choice, has_costly_factorization })

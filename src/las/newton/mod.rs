@@ -95,6 +95,22 @@ impl<B: Backend<Reduced: Scalar>> NewtonSystem<B> {
         problem: &mut P,
         params: &NewtonParams,
     ) -> Result<NewtonReport, NewtonFailure<P::Error, B::Error>> {
+        self.solve_watched(problem, params, &mut |_| ())
+    }
+
+    /// Solves `problem` like [`NewtonSystem::solve`], and calls `watch` before every iteration.
+    ///
+    /// # Errors
+    /// As for [`NewtonSystem::solve`].
+    ///
+    /// # Panics
+    /// As for [`NewtonSystem::solve`].
+    pub fn solve_watched<P: NonlinearProblem<B>>(
+        &mut self,
+        problem: &mut P,
+        params: &NewtonParams,
+        watch: &mut dyn FnMut(&NewtonReport),
+    ) -> Result<NewtonReport, NewtonFailure<P::Error, B::Error>> {
         assert_eq!(problem.constraints(), self.border.len(), "the system has as many constraints as the problem");
         let starts_settled = !params.has_step_criteria() || problem.state_scale().is_none();
         let mut forcing = params.forcing.map(forcing::Sequence::new);
@@ -104,6 +120,7 @@ impl<B: Backend<Reduced: Scalar>> NewtonSystem<B> {
             params.max_iterations,
             starts_settled,
             |system, problem, iterate, limit, report| {
+                watch(report);
                 if let Some(forcing) = &mut forcing {
                     system.set_tolerance(forcing.next(iterate.norm, limit));
                 }

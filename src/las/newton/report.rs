@@ -89,6 +89,8 @@ pub struct NewtonReport {
     pub kept: usize,
     /// Total number of iterations of the iterative solver.
     pub linear_iterations: usize,
+    /// The solution of the linear system of each iteration; empty for a direct solver.
+    pub linear_solves: Vec<SolveReport>,
     /// Number of systems that the iterative solver did not solve and a direct one did.
     pub fallbacks: usize,
     /// Number of factorizations that found a Jacobian declared positive definite to be indefinite.
@@ -130,6 +132,9 @@ impl NewtonReport {
 
     pub(super) fn count_solve(&mut self, solve: &SolveReport) {
         self.linear_iterations += solve.iterations;
+        if solve.iterations > 0 {
+            self.linear_solves.push(*solve);
+        }
         self.fallbacks += solve.fallbacks;
     }
 
