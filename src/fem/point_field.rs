@@ -6,8 +6,12 @@
 use nalgebra::{Matrix3, SMatrix};
 use thiserror::Error;
 
-use super::material::{Material, MaterialError};
+use super::material::{Material, MaterialError, Response};
 use super::mesh::{IntegrationPoint, Mesh, PointNumbering};
+use crate::parallel;
+
+/// The number of points that one thread evaluates at a time.
+pub(crate) const POINTS_PER_CHUNK: usize = 256;
 
 /// The responses of all points, in the order of [`PointNumbering`].
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -43,6 +47,28 @@ impl PointResponses {
     /// Returns true if there are no points.
     pub fn is_empty(&self) -> bool {
         self.pk1.is_empty()
+    }
+
+    /// Returns energies, stresses and tangents in chunks of `size` points.
+    pub(crate) fn chunks_mut(&mut self, size: usize) -> impl Iterator<Item = ResponseChunk<'_>> {
+        let arrays = self.energy.chunks_mut(size).zip(self.pk1.chunks_mut(size)).zip(self.tangent.chunks_mut(size));
+        arrays.map(|((energy, pk1), tangent)| ResponseChunk { energy, pk1, tangent })
+    }
+}
+
+/// The responses of consecutive points; see [`PointResponses`].
+pub(crate) struct ResponseChunk<'a> {
+    energy: &'a mut [f64],
+    pk1: &'a mut [Matrix3<f64>],
+    tangent: &'a mut [SMatrix<f64, 9, 9>],
+}
+
+impl ResponseChunk<'_> {
+    /// Stores the response of a point, given by its position in the chunk.
+    pub fn set(&mut self, point: usize, response: &Response) {
+        self.energy[point] = response.energy;
+        self.pk1[point] = response.pk1;
+        self.tangent[point] = response.tangent;
     }
 }
 
@@ -131,7 +157,8 @@ pub struct RegionError {
     pub materials: usize,
 }
 
-/// A point field without memory that evaluates a formula at every point, selected by the region of the element.
+/// A point field without memory that evaluates a formula at every point, selected by the region of the element, on all
+/// threads of the current rayon pool. An error is that of the first point, in order, that has one.
 ///
 /// # Panics
 /// [`PointField::update`] panics if the number of gradients differs from the number of points.
@@ -169,15 +196,17 @@ impl PointField for FormulaField {
     fn update(&mut self, gradients: &[Matrix3<f64>], out: &mut PointResponses) -> Result<(), PointError> {
         assert_eq!(gradients.len(), self.region_of.len(), "one deformation gradient per point");
         out.resize(gradients.len());
-        let outputs = out.energy.iter_mut().zip(&mut out.pk1).zip(&mut out.tangent);
-        let inputs = gradients.iter().zip(&self.region_of);
-        for (point, ((f, &region), ((energy, pk1), tangent))) in inputs.zip(outputs).enumerate() {
-            let material = &self.materials[region as usize];
-            let response = material.evaluate(f);
-            let response = response.map_err(|reason| PointError { point: self.points.locate(point), reason })?;
-            (*energy, *pk1, *tangent) = (response.energy, response.pk1, response.tangent);
-        }
-        Ok(())
+        let inputs = gradients.chunks(POINTS_PER_CHUNK).zip(self.region_of.chunks(POINTS_PER_CHUNK));
+        let chunks = inputs.zip(out.chunks_mut(POINTS_PER_CHUNK)).enumerate();
+        let Self { materials, points, .. } = &*self;
+        parallel::try_each(chunks, |(number, ((gradients, regions), mut out))| {
+            for (k, (f, &region)) in gradients.iter().zip(regions).enumerate() {
+                let locate = || points.locate(number * POINTS_PER_CHUNK + k);
+                let response = materials[region as usize].evaluate(f);
+                out.set(k, &response.map_err(|reason| PointError { point: locate(), reason })?);
+            }
+            Ok(())
+        })
     }
 
     fn commit(&mut self) -> Result<(), PointError> {

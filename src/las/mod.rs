@@ -34,11 +34,13 @@
 //! backend, also one with limited solvers.
 
 mod backend;
+mod block_slots;
 pub(crate) mod comm;
 pub mod conformance;
 pub mod krylov;
 pub mod market;
 mod newton;
+mod node_positions;
 mod ops;
 mod products;
 mod scalar;
@@ -47,6 +49,9 @@ mod sparsity;
 pub mod transfer;
 
 pub use backend::{Backend, RealBackend, SingleLane};
+#[cfg(any(feature = "sparse", feature = "batched"))]
+pub(crate) use block_slots::BlockPositions;
+pub use block_slots::BlockSlots;
 /// Casts between plain data and bytes, for [`payload!`](crate::payload).
 pub use bytemuck;
 pub use comm::{Comm, CommError, Disagreement, Layout, Message, Payload, ReceiveRequest, SendRequest, Tag};
@@ -54,6 +59,8 @@ pub use newton::{
     Border, Curvature, NewtonError, NewtonFailure, NewtonParams, NewtonReport, NewtonSeconds, NewtonSystem,
     NonlinearProblem, Potential, RegularizedParams, ResidualScale, SaddleExit,
 };
+#[cfg(any(feature = "sparse", feature = "batched"))]
+pub(crate) use node_positions::{NodeBlock, NodePositions};
 pub use ops::{MatrixOps, VectorOps};
 pub use products::{Entries, MatMat, MatVec};
 pub use scalar::{Index, Scalar, Value};
