@@ -4,9 +4,37 @@
 //! them therefore has the same bits for any number of threads. A single chunk, or a pool of one thread, runs on the
 //! calling thread.
 
+use std::cell::Cell;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rayon::prelude::*;
+
+thread_local! {
+    /// True inside [`alone`].
+    static IS_ALONE: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Returns the number of threads that the calling thread may use.
+pub(crate) fn threads() -> usize {
+    if IS_ALONE.get() { 1 } else { rayon::current_num_threads() }
+}
+
+/// Runs `work` on the calling thread alone. While a thread of a pool waits for others, it may start another task of the
+/// pool; a task that holds a lock, or that is one of many anyway, must not wait.
+#[cfg(any(feature = "app", test))]
+pub(crate) fn alone<R>(work: impl FnOnce() -> R) -> R {
+    /// Restores the flag, also if `work` panics.
+    struct Restore(bool);
+
+    impl Drop for Restore {
+        fn drop(&mut self) {
+            IS_ALONE.set(self.0);
+        }
+    }
+
+    let _restore = Restore(IS_ALONE.replace(true));
+    work()
+}
 
 /// Calls `work` with every chunk; returns its results in the order of the chunks.
 pub(crate) fn map<I: Send, R: Send>(
@@ -14,7 +42,7 @@ pub(crate) fn map<I: Send, R: Send>(
     work: impl Fn(I) -> R + Sync + Send,
 ) -> Vec<R> {
     let chunks: Vec<I> = chunks.into_iter().collect();
-    if chunks.len() <= 1 || rayon::current_num_threads() == 1 {
+    if chunks.len() <= 1 || threads() == 1 {
         return chunks.into_iter().map(work).collect();
     }
     chunks.into_par_iter().map(work).collect()
@@ -60,5 +88,15 @@ pub(crate) mod tests {
             assert_eq!(on_pools(|| try_each(0..1000, fails_at)), [Err(37); 3]);
         }
         assert_eq!(on_pools(|| try_each(0..1000, |_| Ok::<(), ()>(()))), [Ok(()); 3]);
+    }
+
+    #[test]
+    fn a_thread_that_is_alone_uses_no_other() {
+        let [.., on_five] = on_pools(|| {
+            let of_chunk = |_| std::thread::current().id();
+            let ids = alone(|| map(0..1000, of_chunk));
+            (threads(), ids.iter().all(|&id| id == ids[0]))
+        });
+        assert_eq!(on_five, (5, true));
     }
 }

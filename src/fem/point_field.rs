@@ -222,6 +222,9 @@ impl PointField for FormulaField {
 mod tests {
     use super::*;
     use crate::fem::material::{LinearElastic, NeoHookean};
+    use crate::fem::mesh::shapes;
+    use crate::las::conformance::Random;
+    use crate::parallel::tests::on_pools;
 
     /// Three tetrahedra in a row, with these regions.
     fn three_tetrahedra(region_of: &[u32]) -> Mesh {
@@ -255,5 +258,29 @@ mod tests {
         assert_eq!(error, PointError { point: IntegrationPoint::of_element(1), reason: MaterialError::Inverted(-1.0) });
         let missing = FormulaField::new(vec![], &three_tetrahedra(&[0, 0, 0])).err().unwrap();
         assert_eq!(missing, RegionError { element: 0, region: 0, materials: 0 });
+    }
+
+    #[test]
+    fn responses_and_errors_do_not_depend_on_the_number_of_threads() {
+        let mesh = shapes::cuboid([7; 3], [1.0; 3]).unwrap();
+        let points = mesh.points().len();
+        assert!(points > 4 * POINTS_PER_CHUNK);
+        let mut field = FormulaField::uniform(NeoHookean { mu: 1.0, lambda: 2.0 }, &mesh);
+        let mut random = Random::new(3);
+        let mut gradients: Vec<Matrix3<f64>> =
+            (0..points).map(|_| Matrix3::identity() + Matrix3::from_fn(|_, _| 0.1 * random.signed())).collect();
+        let mut update = |gradients: &[Matrix3<f64>]| {
+            on_pools(|| {
+                let mut out = PointResponses::default();
+                field.update(gradients, &mut out).map(|()| out)
+            })
+        };
+        let [one, two, five] = update(&gradients);
+        assert!(one.is_ok() && one == two && one == five);
+        for point in [points - 1, 1500, 700, 260] {
+            gradients[point] = Matrix3::from_diagonal(&[-1.0, 1.0, 1.0].into());
+            let expected = PointError { point: mesh.points().locate(point), reason: MaterialError::Inverted(-1.0) };
+            assert!(update(&gradients).iter().all(|result| *result == Err(expected)), "point {point}");
+        }
     }
 }

@@ -9,6 +9,7 @@ use rayon::prelude::*;
 
 use super::Matrix;
 use crate::las::{BlockPositions, NodeBlock, NodePositions, Sparsity, Value};
+use crate::parallel;
 
 /// The number of entries of all blocks from which several threads are worth while.
 const PARALLEL_FROM: usize = 1 << 18;
@@ -44,7 +45,7 @@ impl<T: Value> Matrix<T> {
             }
             BlockPositions::Nodes(nodes) => {
                 let is_large = nodes.len() * size * size >= PARALLEL_FROM;
-                let threads = if is_large { rayon::current_num_threads() } else { 1 };
+                let threads = if is_large { parallel::threads() } else { 1 };
                 self.add_node_blocks(nodes, threads, compute);
             }
         }
@@ -77,9 +78,13 @@ impl<T: Value> Matrix<T> {
         let mut is_added = vec![false; per_batch];
         for first in (0..positions.len()).step_by(per_batch) {
             let count = per_batch.min(positions.len() - first);
-            blocks.par_chunks_exact_mut(entries).zip(&mut is_added).take(count).enumerate().with_min_len(64).for_each(
-                |(k, (block, is_added))| *is_added = compute(first + k, block),
-            );
+            blocks
+                .par_chunks_exact_mut(entries)
+                .zip(&mut is_added)
+                .take(count)
+                .enumerate()
+                .with_min_len(64)
+                .for_each(|(k, (block, is_added))| *is_added = compute(first + k, block));
             self.row_ranges(&cuts).into_par_iter().for_each(|mut rows| {
                 for (k, block) in blocks.chunks_exact(entries).take(count).enumerate().filter(|&(k, _)| is_added[k]) {
                     rows.add(positions.block(first + k), block);
@@ -209,5 +214,89 @@ impl<T: Value> Rows<'_, T> {
                 }
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::las::conformance::Random;
+
+    const NODES: usize = 400;
+    const ELEMENTS: usize = 5000;
+
+    /// Elements of four nodes near each other by number, or anywhere. Node `k` has the unknowns of the components in
+    /// `is_free(k)`. Returns their pattern and the unknowns of all elements.
+    fn elements(is_near: bool, is_free: impl Fn(usize, usize) -> bool) -> (Arc<Sparsity>, Vec<i32>) {
+        let (mut random, mut unknowns) = (Random::new(7), 0);
+        let numbers: Vec<[i32; 3]> = (0..NODES)
+            .map(|node| {
+                std::array::from_fn(|i| {
+                    let number = if is_free(node, i) { unknowns } else { -1 };
+                    unknowns += i32::from(number >= 0);
+                    number
+                })
+            })
+            .collect();
+        let mut element = |k: usize| -> [[i32; 3]; 4] {
+            let first = k * (NODES - 8) / ELEMENTS;
+            std::array::from_fn(|_| numbers[if is_near { first + random.below(8) } else { random.below(NODES) }])
+        };
+        let rows: Vec<i32> = (0..ELEMENTS).flat_map(|k| element(k).as_flattened().to_vec()).collect();
+        let pattern = Sparsity::from_elements(unknowns as usize, rows.chunks(12)).unwrap();
+        (Arc::new(pattern), rows)
+    }
+
+    /// Writes a block whose sums depend on their order; every tenth block adds nothing.
+    fn compute(number: usize, block: &mut [f64]) -> bool {
+        let mut random = Random::new(number as u64);
+        block.iter_mut().for_each(|value| *value = random.signed());
+        !number.is_multiple_of(10)
+    }
+
+    fn the_sums_are_those_of_one_thread(is_near: bool, is_free: impl Fn(usize, usize) -> bool) {
+        let (pattern, rows) = elements(is_near, is_free);
+        let mut expected = Matrix::<f64>::zeros(&pattern);
+        let mut block = [0.0; 144];
+        for (number, rows) in rows.chunks_exact(12).enumerate() {
+            if compute(number, &mut block) {
+                let mut slots = Vec::new();
+                expected.positions(rows, rows, &mut slots);
+                expected.add_at_positions(&slots, &block);
+            }
+        }
+        let positions = NodePositions::new(&pattern, 12, &rows).unwrap();
+        for threads in [1, 2, 3, 5, 64] {
+            let computations = computations(&positions, &cuts(&pattern, threads));
+            assert_eq!(computations <= MOST_COMPUTATIONS, is_near && threads <= 5 || threads == 1, "{computations}");
+            let mut found = Matrix::<f64>::zeros(&pattern);
+            found.add_node_blocks(&positions, threads, compute);
+            assert!(found.values() == expected.values(), "{threads} threads");
+        }
+    }
+
+    #[test]
+    fn entries_sum_in_the_order_of_the_blocks_whatever_the_threads() {
+        for is_near in [true, false] {
+            the_sums_are_those_of_one_thread(is_near, |_, _| true);
+            // Fixed nodes, and nodes on rollers in several directions.
+            the_sums_are_those_of_one_thread(is_near, |node, i| node % 7 > 0 && (node % 5 > 0 || i != node % 3));
+            the_sums_are_those_of_one_thread(is_near, |node, i| node % 3 > 0 || i == 1);
+        }
+    }
+
+    #[test]
+    fn blocks_that_are_not_of_nodes_are_located_entry_by_entry() {
+        let pattern = Sparsity::from_elements(6, [[0, 1, 2, 3, 4, 5]]).unwrap();
+        let is_of_nodes = |indices: &[i32]| NodePositions::new(&pattern, 6, indices).is_some();
+        assert!(is_of_nodes(&[0, 1, 2, 3, 4, 5]) && is_of_nodes(&[-1, 1, 2, 0, -1, -1]));
+        assert!(!is_of_nodes(&[0, 2, 1, 3, 4, 5]) && !is_of_nodes(&[0, -1, 2, 3, 4, 5]));
+        // Rows of one node with different columns, and an entry outside the pattern.
+        let pattern = Sparsity::from_elements(6, [[0, 1, 2], [3, 4, 5]]).unwrap();
+        assert!(NodePositions::new(&pattern, 3, &[0, 1, 2, 3, 4, 5]).is_some());
+        assert!(NodePositions::new(&pattern, 3, &[1, 2, 3]).is_none());
+        assert!(NodePositions::new(&pattern, 6, &[0, 1, 2, 3, 4, 5]).is_none());
     }
 }

@@ -2,11 +2,12 @@
 //! share.
 
 /// Implements the vector and matrix operations of assembly, products, sums, diagonals and the traversal of all entries;
-/// `norm` and `dot` are functions of slices.
+/// `norm`, `dot` and `axpy` are functions of slices.
 macro_rules! impl_backend_ops {
-    ([$($generics:tt)*] $backend:ty, $value:ty, $reduced:ty, norm: $norm:path, dot: $dot:path) => {
+    ([$($generics:tt)*] $backend:ty, $value:ty, $reduced:ty, norm: $norm:path, dot: $dot:path, axpy: $axpy:path) => {
         $crate::backends::local::impl_vector_ops!(
-            [$($generics)*] $backend, $crate::backends::csr::Vector<$value>, $value, $reduced, norm: $norm, dot: $dot
+            [$($generics)*] $backend, $crate::backends::csr::Vector<$value>, $value, $reduced,
+            norm: $norm, dot: $dot, axpy: $axpy
         );
 
         const _: () = {

@@ -203,17 +203,13 @@ impl<const N: usize, const Q: usize> Block<N, Q> {
 
     /// Returns the deformed volume at the points marked in `points`, m^3, and adds its derivatives by the displacements
     /// of the nodes, m^2, to `gradient`.
-    pub fn add_volume_gradient(
-        &self,
-        points: &[bool],
-        displacements: &[[f64; 3]],
-        gradient: &mut [[f64; 3]],
-    ) -> f64 {
+    pub fn add_volume_gradient(&self, points: &[bool], displacements: &[[f64; 3]], gradient: &mut [[f64; 3]]) -> f64 {
         let is_inside = self.of_points(points);
         let volumes = nodal_sums::add(&self.chunks, gradient, |element, gradient, nodes| {
             let u = gather(displacements, &self.nodes[element]);
             let mut volume = 0.0;
-            for (point, _) in self.points[element].iter().zip(&is_inside[element]).filter(|(_, is_inside)| **is_inside) {
+            for (point, _) in self.points[element].iter().zip(&is_inside[element]).filter(|(_, is_inside)| **is_inside)
+            {
                 let f = point.deformation_gradient(&u);
                 volume += point.volume * f.determinant();
                 scatter(gradient, nodes, local::internal_force(point, &cofactor(&f)));

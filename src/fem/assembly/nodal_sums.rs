@@ -63,7 +63,7 @@ pub fn add<const N: usize>(
         let elements = chunk.elements.clone().zip(&chunk.local);
         elements.map(|(element, nodes)| add(element, part, nodes)).sum()
     };
-    if chunks.len() <= 1 || rayon::current_num_threads() == 1 {
+    if chunks.len() <= 1 || parallel::threads() == 1 {
         let mut part = Vec::new();
         let of_chunk = |chunk: &ElementChunk<N>| {
             let total = sum(chunk, &mut part);

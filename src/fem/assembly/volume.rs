@@ -58,9 +58,7 @@ impl Geometry {
         displacements: &[[f64; 3]],
         gradient: &mut [[f64; 3]],
     ) -> f64 {
-        let of_block = |block: &ElementBlock| {
-            with_block!(block, b => b.add_volume_gradient(points, displacements, &mut *gradient))
-        };
+        let of_block = |block: &ElementBlock| with_block!(block, b => b.add_volume_gradient(points, displacements, &mut *gradient));
         self.blocks.iter().map(of_block).sum()
     }
 
