@@ -24,7 +24,7 @@
 //! |---|---|
 //! | [`Backend`] | a marker type: ten associated types, its name, and four constructors |
 //! | [`VectorOps`] for `Backend::Vector` | eleven methods, with rules for negative indices and for `finish` |
-//! | [`MatrixOps`] for `Backend::Matrix` | nine methods, with rules for writes outside the pattern |
+//! | [`MatrixOps`] for `Backend::Matrix` | nine methods, with rules for writes outside the pattern; two more for many blocks at once are provided |
 //! | [`MatVec`] for `Backend::Matrix` | two products and the diagonal |
 //! | [`Solver`] for `Backend::Solver` | two kinds of factorization, and solves; any of them may be unsupported |
 //!

@@ -243,5 +243,9 @@ impl<const N: usize, const Q: usize> Block<N, Q> {
 
 #[inline(always)]
 fn gather<const N: usize>(values: &[[f64; 3]], nodes: &[u32; N]) -> [[f64; 3]; N] {
-    nodes.map(|node| values[node as usize])
+    let mut gathered = [[0.0; 3]; N];
+    for (to, &node) in gathered.iter_mut().zip(nodes) {
+        *to = values[node as usize];
+    }
+    gathered
 }

@@ -24,7 +24,14 @@ pub(super) fn from_entries<const N: usize>(entries: &mut [f64]) -> Option<&mut E
 #[inline(always)]
 pub fn internal_force<const N: usize>(point: &PointGeometry<N>, pk1: &Matrix3<f64>) -> [[f64; 3]; N] {
     let vp = pk1 * point.volume;
-    point.gradients.map(|g| std::array::from_fn(|i| vp[(i, 0)] * g[0] + vp[(i, 1)] * g[1] + vp[(i, 2)] * g[2]))
+    // Closures of arrays are not always inlined.
+    let mut forces = [[0.0; 3]; N];
+    for (force, g) in forces.iter_mut().zip(&point.gradients) {
+        for (i, force) in force.iter_mut().enumerate() {
+            *force = vp[(i, 0)] * g[0] + vp[(i, 1)] * g[1] + vp[(i, 2)] * g[2];
+        }
+    }
+    forces
 }
 
 /// Computes `K[a][i][b][k] = sum_q V_q sum_JL g_a[J] A_iJkL g_b[L]` over the integration points of an element.

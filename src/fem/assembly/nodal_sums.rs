@@ -43,8 +43,9 @@ impl<const N: usize> ElementChunk<N> {
         let position = |node: usize| self.nodes.partition_point(|&other| (other as usize) < node);
         let range = position(start)..position(start + sums.len());
         for (&node, part) in self.nodes[range.clone()].iter().zip(&part[range]) {
-            let sum = &mut sums[node as usize - start];
-            *sum = std::array::from_fn(|i| sum[i] + part[i]);
+            for (sum, part) in sums[node as usize - start].iter_mut().zip(part) {
+                *sum += part;
+            }
         }
     }
 }
@@ -57,26 +58,21 @@ pub fn add<const N: usize>(
     sums: &mut [[f64; 3]],
     add: impl Fn(usize, &mut [[f64; 3]], &[u16; N]) -> f64 + Sync + Send,
 ) -> Vec<f64> {
-    let sum = |chunk: &ElementChunk<N>, part: &mut Vec<[f64; 3]>| -> f64 {
-        part.clear();
-        part.resize(chunk.nodes.len(), [0.0; 3]);
+    let sum = |chunk: &ElementChunk<N>| -> (Vec<[f64; 3]>, f64) {
+        let mut part = vec![[0.0; 3]; chunk.nodes.len()];
         let elements = chunk.elements.clone().zip(&chunk.local);
-        elements.map(|(element, nodes)| add(element, part, nodes)).sum()
+        let total = elements.map(|(element, nodes)| add(element, &mut part, nodes)).sum();
+        (part, total)
     };
     if chunks.len() <= 1 || parallel::threads() == 1 {
-        let mut part = Vec::new();
         let of_chunk = |chunk: &ElementChunk<N>| {
-            let total = sum(chunk, &mut part);
+            let (part, total) = sum(chunk);
             chunk.add_to(sums, 0, &part);
             total
         };
         return chunks.iter().map(of_chunk).collect();
     }
-    let parts = parallel::map(chunks, |chunk| {
-        let mut part = Vec::new();
-        let total = sum(chunk, &mut part);
-        (part, total)
-    });
+    let parts = parallel::map(chunks, sum);
     let starts = (0..sums.len()).step_by(NODES_PER_CHUNK);
     parallel::map(starts.zip(sums.chunks_mut(NODES_PER_CHUNK)), |(start, sums)| {
         for (chunk, (part, _)) in chunks.iter().zip(&parts) {
