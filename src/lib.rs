@@ -109,6 +109,7 @@ pub mod fiber;
 pub mod input;
 pub mod las;
 pub mod output;
+mod parallel;
 #[cfg(test)]
 #[path = "../tests/support/skip.rs"]
 mod skip;

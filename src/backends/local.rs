@@ -111,7 +111,7 @@ pub(super) fn is_in_range<T: Scalar>(squares: T) -> bool {
 }
 
 #[cold]
-fn scaled_norm<T: Scalar>(x: &[T]) -> T {
+pub(super) fn scaled_norm<T: Scalar>(x: &[T]) -> T {
     let largest = x.iter().fold(T::zero(), |largest, &v| if v.is_nan() { v } else { largest.max(v.abs()) });
     if largest.is_zero() || !largest.is_finite() || x.iter().any(|v| v.is_nan()) {
         return x.iter().fold(T::zero(), |sum, &v| sum + v.abs());
@@ -185,16 +185,19 @@ macro_rules! contiguous_vector {
 }
 
 /// Implements the operations of a vector by its methods `as_slice` and `as_mut_slice`. The short form is for backends
-/// that cannot fail; `norm` and `dot` are functions of slices. The long form takes the error type and the bodies of
+/// that cannot fail; `norm`, `dot` and `axpy` are functions of slices. The long form takes the error type and the bodies of
 /// three operations.
 macro_rules! impl_vector_ops {
-    ([$($generics:tt)*] $backend:ty, $vector:ty, $value:ty, $reduced:ty, norm: $norm:path, dot: $dot:path) => {
+    (
+        [$($generics:tt)*] $backend:ty, $vector:ty, $value:ty, $reduced:ty,
+        norm: $norm:path, dot: $dot:path, axpy: $add_multiple:path
+    ) => {
         $crate::backends::local::impl_vector_ops!(
             [$($generics)*] $backend, $vector, $value, $reduced, ::std::convert::Infallible,
             norm(x): Ok($norm(x.as_slice())),
             dot(x, y): Ok($dot(x.as_slice(), y.as_slice())),
             axpy(a, x, y): {
-                $crate::backends::local::axpy(a, x.as_slice(), y.as_mut_slice());
+                $add_multiple(a, x.as_slice(), y.as_mut_slice());
                 Ok(())
             }
         );

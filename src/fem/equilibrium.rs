@@ -20,6 +20,7 @@ use super::mesh::Mesh;
 use super::point_field::{PointField, PointResponses};
 use super::reactions::BoundaryForces;
 use crate::las::{Backend, RealBackend, VectorOps};
+use crate::parallel;
 use constraints::Volumes;
 pub use linearize::LinearizedStart;
 
@@ -359,13 +360,24 @@ fn scatter<B: RealBackend>(
     r.finish()
 }
 
+/// The number of nodes that one thread treats at a time.
+const NODES_PER_CHUNK: usize = 4096;
+
 /// Writes internal minus external forces of a state into `net`.
 fn net_forces(state: &BodyState, net: &mut [[f64; 3]]) {
-    for ((net, internal), external) in net.iter_mut().zip(&state.internal).zip(&state.external) {
-        *net = std::array::from_fn(|i| internal[i] - external[i]);
-    }
+    let forces = state.internal.chunks(NODES_PER_CHUNK).zip(state.external.chunks(NODES_PER_CHUNK));
+    parallel::map(net.chunks_mut(NODES_PER_CHUNK).zip(forces), |(net, (internal, external))| {
+        for ((net, internal), external) in net.iter_mut().zip(internal).zip(external) {
+            *net = std::array::from_fn(|i| internal[i] - external[i]);
+        }
+    });
 }
 
 fn norm(vectors: &[[f64; 3]]) -> f64 {
-    vectors.as_flattened().iter().map(|f| f * f).sum::<f64>().sqrt()
+    norm_of(vectors.chunks(NODES_PER_CHUNK), |vectors| vectors.as_flattened().iter().map(|f| f * f).sum())
+}
+
+/// Returns the root of the sum of the `squares` of all chunks, in order.
+fn norm_of<I: Send>(chunks: impl IntoIterator<Item = I>, squares: impl Fn(I) -> f64 + Sync + Send) -> f64 {
+    parallel::map(chunks, squares).into_iter().sum::<f64>().sqrt()
 }

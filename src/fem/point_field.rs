@@ -6,8 +6,12 @@
 use nalgebra::{Matrix3, SMatrix};
 use thiserror::Error;
 
-use super::material::{Material, MaterialError};
+use super::material::{Material, MaterialError, Response};
 use super::mesh::{IntegrationPoint, Mesh, PointNumbering};
+use crate::parallel;
+
+/// The number of points that one thread evaluates at a time.
+pub(crate) const POINTS_PER_CHUNK: usize = 256;
 
 /// The responses of all points, in the order of [`PointNumbering`].
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -43,6 +47,28 @@ impl PointResponses {
     /// Returns true if there are no points.
     pub fn is_empty(&self) -> bool {
         self.pk1.is_empty()
+    }
+
+    /// Returns energies, stresses and tangents in chunks of `size` points.
+    pub(crate) fn chunks_mut(&mut self, size: usize) -> impl Iterator<Item = ResponseChunk<'_>> {
+        let arrays = self.energy.chunks_mut(size).zip(self.pk1.chunks_mut(size)).zip(self.tangent.chunks_mut(size));
+        arrays.map(|((energy, pk1), tangent)| ResponseChunk { energy, pk1, tangent })
+    }
+}
+
+/// The responses of consecutive points; see [`PointResponses`].
+pub(crate) struct ResponseChunk<'a> {
+    energy: &'a mut [f64],
+    pk1: &'a mut [Matrix3<f64>],
+    tangent: &'a mut [SMatrix<f64, 9, 9>],
+}
+
+impl ResponseChunk<'_> {
+    /// Stores the response of a point, given by its position in the chunk.
+    pub fn set(&mut self, point: usize, response: &Response) {
+        self.energy[point] = response.energy;
+        self.pk1[point] = response.pk1;
+        self.tangent[point] = response.tangent;
     }
 }
 
@@ -137,7 +163,8 @@ pub struct RegionError {
     pub materials: usize,
 }
 
-/// A point field without memory that evaluates a formula at every point, selected by the region of the element.
+/// A point field without memory that evaluates a formula at every point, selected by the region of the element, on all
+/// threads of the current rayon pool. An error is that of the first point, in order, that has one.
 ///
 /// # Panics
 /// [`PointField::update`] panics if the number of gradients differs from the number of points.
@@ -175,15 +202,17 @@ impl PointField for FormulaField {
     fn update(&mut self, gradients: &[Matrix3<f64>], out: &mut PointResponses) -> Result<(), PointError> {
         assert_eq!(gradients.len(), self.region_of.len(), "one deformation gradient per point");
         out.resize(gradients.len());
-        let outputs = out.energy.iter_mut().zip(&mut out.pk1).zip(&mut out.tangent);
-        let inputs = gradients.iter().zip(&self.region_of);
-        for (point, ((f, &region), ((energy, pk1), tangent))) in inputs.zip(outputs).enumerate() {
-            let material = &self.materials[region as usize];
-            let response = material.evaluate(f);
-            let response = response.map_err(|reason| PointError { point: self.points.locate(point), reason })?;
-            (*energy, *pk1, *tangent) = (response.energy, response.pk1, response.tangent);
-        }
-        Ok(())
+        let inputs = gradients.chunks(POINTS_PER_CHUNK).zip(self.region_of.chunks(POINTS_PER_CHUNK));
+        let chunks = inputs.zip(out.chunks_mut(POINTS_PER_CHUNK)).enumerate();
+        let Self { materials, points, .. } = &*self;
+        parallel::try_each(chunks, |(number, ((gradients, regions), mut out))| {
+            for (k, (f, &region)) in gradients.iter().zip(regions).enumerate() {
+                let locate = || points.locate(number * POINTS_PER_CHUNK + k);
+                let response = materials[region as usize].evaluate(f);
+                out.set(k, &response.map_err(|reason| PointError { point: locate(), reason })?);
+            }
+            Ok(())
+        })
     }
 
     fn is_cheap(&self) -> bool {
@@ -203,6 +232,9 @@ impl PointField for FormulaField {
 mod tests {
     use super::*;
     use crate::fem::material::{LinearElastic, NeoHookean};
+    use crate::fem::mesh::shapes;
+    use crate::las::conformance::Random;
+    use crate::parallel::tests::on_pools;
 
     /// Three tetrahedra in a row, with these regions.
     fn three_tetrahedra(region_of: &[u32]) -> Mesh {
@@ -236,5 +268,29 @@ mod tests {
         assert_eq!(error, PointError { point: IntegrationPoint::of_element(1), reason: MaterialError::Inverted(-1.0) });
         let missing = FormulaField::new(vec![], &three_tetrahedra(&[0, 0, 0])).err().unwrap();
         assert_eq!(missing, RegionError { element: 0, region: 0, materials: 0 });
+    }
+
+    #[test]
+    fn responses_and_errors_do_not_depend_on_the_number_of_threads() {
+        let mesh = shapes::cuboid([7; 3], [1.0; 3]).unwrap();
+        let points = mesh.points().len();
+        assert!(points > 4 * POINTS_PER_CHUNK);
+        let mut field = FormulaField::uniform(NeoHookean { mu: 1.0, lambda: 2.0 }, &mesh);
+        let mut random = Random::new(3);
+        let mut gradients: Vec<Matrix3<f64>> =
+            (0..points).map(|_| Matrix3::identity() + Matrix3::from_fn(|_, _| 0.1 * random.signed())).collect();
+        let mut update = |gradients: &[Matrix3<f64>]| {
+            on_pools(|| {
+                let mut out = PointResponses::default();
+                field.update(gradients, &mut out).map(|()| out)
+            })
+        };
+        let [one, two, five] = update(&gradients);
+        assert!(one.is_ok() && one == two && one == five);
+        for point in [points - 1, 1500, 700, 260] {
+            gradients[point] = Matrix3::from_diagonal(&[-1.0, 1.0, 1.0].into());
+            let expected = PointError { point: mesh.points().locate(point), reason: MaterialError::Inverted(-1.0) };
+            assert!(update(&gradients).iter().all(|result| *result == Err(expected)), "point {point}");
+        }
     }
 }

@@ -24,7 +24,7 @@
 //! |---|---|
 //! | [`Backend`] | a marker type: ten associated types, its name, and four constructors |
 //! | [`VectorOps`] for `Backend::Vector` | eleven methods, with rules for negative indices and for `finish` |
-//! | [`MatrixOps`] for `Backend::Matrix` | nine methods, with rules for writes outside the pattern |
+//! | [`MatrixOps`] for `Backend::Matrix` | nine methods, with rules for writes outside the pattern; two more for many blocks at once are provided |
 //! | [`MatVec`] for `Backend::Matrix` | two products and the diagonal |
 //! | [`Solver`] for `Backend::Solver` | two kinds of factorization, and solves; any of them may be unsupported |
 //!
@@ -34,11 +34,13 @@
 //! backend, also one with limited solvers.
 
 mod backend;
+mod block_slots;
 pub(crate) mod comm;
 pub mod conformance;
 pub mod krylov;
 pub mod market;
 mod newton;
+mod node_positions;
 mod ops;
 mod products;
 mod scalar;
@@ -47,6 +49,9 @@ mod sparsity;
 pub mod transfer;
 
 pub use backend::{Backend, RealBackend, SingleLane};
+#[cfg(any(feature = "sparse", feature = "batched"))]
+pub(crate) use block_slots::BlockPositions;
+pub use block_slots::BlockSlots;
 /// Casts between plain data and bytes, for [`payload!`](crate::payload).
 pub use bytemuck;
 pub use comm::{Comm, CommError, Disagreement, Layout, Message, Payload, ReceiveRequest, SendRequest, Tag};
@@ -54,6 +59,8 @@ pub use newton::{
     Border, Curvature, Forcing, NewtonError, NewtonFailure, NewtonParams, NewtonReport, NewtonSeconds, NewtonSystem,
     NonlinearProblem, Potential, RegularizedParams, ResidualScale, SaddleExit,
 };
+#[cfg(any(feature = "sparse", feature = "batched"))]
+pub(crate) use node_positions::{NodeBlock, NodePositions};
 pub use ops::{MatrixOps, VectorOps};
 pub use products::{Entries, MatMat, MatVec};
 pub use scalar::{Index, Scalar, Value};

@@ -1,6 +1,6 @@
 //! Vector and matrix operations for hot loops (Tobin 2018, table 5.1).
 
-use super::Backend;
+use super::{Backend, BlockSlots};
 
 /// The operations of a vector in assembly loops, which call them millions of times; every implementation should be
 /// `#[inline(always)]`.
@@ -106,6 +106,40 @@ pub trait MatrixOps<B: Backend>: Sized {
     /// `A[slots[k]] += block[k]`; the slots come from [`MatrixOps::locate`] of this matrix or of one with the same
     /// pattern.
     fn add_at(&mut self, slots: &[B::Slot], block: &[B::Scalar]) -> Result<(), B::Error>;
+
+    /// Returns the positions of many square blocks of `size` rows and columns each, for [`MatrixOps::add_blocks`].
+    /// `indices` holds the `size` indices of each block in turn; negative ones are constrained unknowns.
+    ///
+    /// # Panics
+    /// Panics in debug builds if `indices` is not a multiple of `size` long.
+    fn locate_blocks(&self, size: usize, indices: &[B::Index]) -> Result<BlockSlots<B>, B::Error> {
+        debug_assert!(size > 0 && indices.len().is_multiple_of(size), "the indices of whole blocks");
+        let mut slots = Vec::with_capacity(size * indices.len());
+        for rows in indices.chunks_exact(size.max(1)) {
+            self.locate(rows, rows, &mut slots)?;
+        }
+        Ok(BlockSlots::new(size, slots))
+    }
+
+    /// Adds many blocks: `A[slots[k]] += block[k]` for each of them, as [`MatrixOps::add_at`] in the order of the
+    /// blocks; `slots` comes from [`MatrixOps::locate_blocks`] of this matrix or of one with the same pattern.
+    ///
+    /// `compute(number, block)` writes all entries of a block, row by row; it returns false if the block adds nothing.
+    /// A backend may call it from several threads and repeatedly for the same block. Every entry of the matrix sums its
+    /// contributions in the order of the blocks, so that the result has the same bits for any number of threads.
+    fn add_blocks(
+        &mut self,
+        slots: &BlockSlots<B>,
+        compute: impl Fn(usize, &mut [B::Scalar]) -> bool + Sync,
+    ) -> Result<(), B::Error> {
+        let mut block = vec![B::Scalar::default(); slots.size() * slots.size()];
+        for (number, slots) in slots.entries().enumerate() {
+            if compute(number, &mut block) {
+                self.add_at(slots, &block)?;
+            }
+        }
+        Ok(())
+    }
 
     /// Returns true if this rank stores at least one of these rows. Writes to blocks without such a row are dropped, so
     /// that the assembly need not integrate them. Serial backends store all rows.

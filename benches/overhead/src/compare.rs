@@ -70,8 +70,9 @@ fn row(image: &Image, place: &Place, all: &[*const ()]) -> Result<Row, Box<dyn E
     Ok(Row { backend, verb, raw: raw.len(), las: las.len(), others: sums, is_same, arithmetic, calls })
 }
 
-/// Functions for rare cases, which are deliberately not inlined.
-const RARE: [&str; 4] = ["scaled_norm", "sum_scaled", "dot_by_petsc", "axpy_by_petsc"];
+/// Functions for rare cases and for long vectors, which are deliberately not inlined.
+const RARE: [&str; 7] =
+    ["scaled_norm", "sum_scaled", "dot_by_petsc", "axpy_by_petsc", "long_norm", "long_dot", "long_axpy"];
 
 impl Row {
     /// Returns the exception that allows more instructions, if there is one.

@@ -30,7 +30,7 @@ pub struct ProblemSize {
     pub is_iterative: bool,
     /// Load steps.
     pub steps: usize,
-    /// Threads that solve RVEs.
+    /// Threads that solve the body and its RVEs.
     pub threads: usize,
     /// Ranks of the macro scale and of the RVEs; 1 and 0 in one process.
     pub ranks: [usize; 2],

@@ -7,7 +7,9 @@ use crate::backends::csr::impl_backend_ops;
 use crate::backends::local;
 use crate::las::Scalar;
 
-impl_backend_ops!([T: Scalar, const N: usize] Batched<T, N>, Lanes<T, N>, Lanes<T, N>, norm: norm, dot: dot);
+impl_backend_ops!(
+    [T: Scalar, const N: usize] Batched<T, N>, Lanes<T, N>, Lanes<T, N>, norm: norm, dot: dot, axpy: local::axpy
+);
 
 /// Returns `sum_i x[i] y[i]` for every lane.
 #[inline(always)]

@@ -2,11 +2,12 @@
 //! share.
 
 /// Implements the vector and matrix operations of assembly, products, sums, diagonals and the traversal of all entries;
-/// `norm` and `dot` are functions of slices.
+/// `norm`, `dot` and `axpy` are functions of slices.
 macro_rules! impl_backend_ops {
-    ([$($generics:tt)*] $backend:ty, $value:ty, $reduced:ty, norm: $norm:path, dot: $dot:path) => {
+    ([$($generics:tt)*] $backend:ty, $value:ty, $reduced:ty, norm: $norm:path, dot: $dot:path, axpy: $axpy:path) => {
         $crate::backends::local::impl_vector_ops!(
-            [$($generics)*] $backend, $crate::backends::csr::Vector<$value>, $value, $reduced, norm: $norm, dot: $dot
+            [$($generics)*] $backend, $crate::backends::csr::Vector<$value>, $value, $reduced,
+            norm: $norm, dot: $dot, axpy: $axpy
         );
 
         const _: () = {
@@ -15,7 +16,7 @@ macro_rules! impl_backend_ops {
 
             use $crate::backends::csr::{Matrix, Vector};
             use $crate::backends::local as slices;
-            use $crate::las::{Entries, MatMat, MatVec, MatrixOps, SolveError, Sparsity};
+            use $crate::las::{BlockSlots, Entries, MatMat, MatVec, MatrixOps, NodePositions, SolveError, Sparsity};
 
             type Failure = SolveError<Infallible>;
 
@@ -64,6 +65,26 @@ macro_rules! impl_backend_ops {
                 #[inline(always)]
                 fn add_at(&mut self, slots: &[u32], block: &[$value]) -> Result<(), Infallible> {
                     self.add_at_positions(slots, block);
+                    Ok(())
+                }
+
+                fn locate_blocks(&self, size: usize, indices: &[i32]) -> Result<BlockSlots<$backend>, Infallible> {
+                    if let Some(positions) = NodePositions::new(&self.pattern, size, indices) {
+                        return Ok(BlockSlots::of_nodes(positions));
+                    }
+                    let mut slots = Vec::with_capacity(size * indices.len());
+                    for rows in indices.chunks_exact(size.max(1)) {
+                        self.positions(rows, rows, &mut slots);
+                    }
+                    Ok(BlockSlots::new(size, slots))
+                }
+
+                fn add_blocks(
+                    &mut self,
+                    slots: &BlockSlots<$backend>,
+                    compute: impl Fn(usize, &mut [$value]) -> bool + Sync,
+                ) -> Result<(), Infallible> {
+                    self.add_all_blocks(slots.size(), slots.positions(), compute);
                     Ok(())
                 }
 

@@ -5,20 +5,38 @@ use std::sync::Arc;
 use super::Matrix;
 use crate::backends::checks::check_size;
 use crate::las::{SolveError, Value};
+use crate::parallel;
+
+/// The number of entries from which a product with a vector uses several threads.
+const PARALLEL_FROM: usize = 1 << 17;
+
+/// The number of rows that one thread multiplies at a time.
+const ROWS_PER_CHUNK: usize = 1 << 11;
 
 impl<T: Value> Matrix<T> {
     /// Computes `y = A x`.
     pub(in crate::backends) fn times<F>(&self, x: &[T], y: &mut [T]) -> Result<(), SolveError<F>> {
         check_size("the vector to multiply", x.len(), self.pattern.cols())?;
         check_size("the product", y.len(), self.pattern.rows())?;
-        let mut start = 0;
-        for (y, &end) in y.iter_mut().zip(&self.pattern.row_offsets()[1..]) {
+        if self.pattern.nnz() < PARALLEL_FROM {
+            self.rows_times(0, x, y);
+        } else {
+            let starts = (0..y.len()).step_by(ROWS_PER_CHUNK);
+            parallel::map(starts.zip(y.chunks_mut(ROWS_PER_CHUNK)), |(start, y)| self.rows_times(start, x, y));
+        }
+        Ok(())
+    }
+
+    /// Computes the entries of `A x` in the rows from `first`.
+    fn rows_times(&self, first: usize, x: &[T], y: &mut [T]) {
+        let ends = &self.pattern.row_offsets()[first..];
+        let mut start = ends[0] as usize;
+        for (y, &end) in y.iter_mut().zip(&ends[1..]) {
             let range = start..end as usize;
             let entries = self.pattern.col_indices()[range.clone()].iter().zip(&self.values[range]);
             *y = entries.fold(T::zero(), |sum, (&column, &value)| sum + value * x[column as usize]);
             start = end as usize;
         }
-        Ok(())
     }
 
     /// Computes `y = A^T x`.

@@ -6,7 +6,9 @@ use super::{Dense, DenseScalar, Matrix, Vector};
 use crate::backends::local;
 use crate::las::MatrixOps;
 
-local::impl_vector_ops!([T: DenseScalar] Dense<T>, Vector<T>, T, T, norm: local::norm, dot: local::dot);
+local::impl_vector_ops!(
+    [T: DenseScalar] Dense<T>, Vector<T>, T, T, norm: local::norm, dot: local::dot, axpy: local::axpy
+);
 
 impl<T: DenseScalar> Matrix<T> {
     /// Calls `visit(entry, value of the block)` for every pair of indices of a block that is inside the matrix.

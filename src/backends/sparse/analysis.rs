@@ -3,6 +3,7 @@
 use std::fmt::Display;
 use std::sync::{Arc, OnceLock};
 
+use faer::Par;
 use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
 use faer::sparse::linalg::cholesky::{simplicial, supernodal};
 use faer::sparse::{FaerError, SymbolicSparseColMat, SymbolicSparseColMatRef};
@@ -13,6 +14,7 @@ use super::lu::LuAnalysis;
 use super::order::{self, Graph, Tree};
 use crate::backends::checks::check_analyzable;
 use crate::las::{Method, SolveError, SolverParams, Sparsity, Symmetry, offsets};
+use crate::parallel;
 
 /// The number of floating-point operations, padding included, from which faer's supernodal factorization replaces the
 /// one by 3x3 blocks: for such large matrices, cache blocking matters more than small overheads. faer gains more from
@@ -140,6 +142,19 @@ impl Symbolic {
     }
 }
 
+/// The number of values of a Cholesky factor from which faer factors on all threads.
+pub(super) const PARALLEL_CHOLESKY_FROM: usize = 1 << 22;
+
+/// The number of unknowns from which faer factors by LU on all threads.
+pub(super) const PARALLEL_LU_FROM: usize = 10_000;
+
+/// Returns how faer computes a factorization. The factors have the same bits for any number of threads; solves do not,
+/// and use one.
+pub(super) fn parallelism(is_large: bool) -> Par {
+    let threads = if is_large { parallel::threads() } else { 1 };
+    if threads > 1 { Par::rayon(threads) } else { Par::Seq }
+}
+
 /// Converts an error of faer into a [`SolveError`].
 pub(super) fn failed(reason: impl Display) -> Failure {
     SolveError::Library { library: "faer", reason: reason.to_string() }
@@ -225,4 +240,61 @@ fn supernodes(
         MemStack::new(&mut memory),
         faer::sparse::linalg::SymbolicSupernodalParams::default(),
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::backends::sparse::{Matrix, Solver, Sparse, Vector};
+    use crate::las::{Backend, MatrixOps, Solver as _};
+    use crate::parallel::tests::on_pools;
+
+    /// A box of cubes with eight nodes of three unknowns, whose matrix is diagonally dominant.
+    fn box_of_cubes(cells: usize, asymmetry: f64) -> Matrix {
+        let line = cells + 1;
+        let node = |i: usize, j: usize, k: usize| (i * line + j) * line + k;
+        let cube = |cell: usize| -> Vec<i32> {
+            let (i, j, k) = (cell / (cells * cells), cell / cells % cells, cell % cells);
+            let nodes = (0..8).map(|corner| node(i + corner / 4, j + corner / 2 % 2, k + corner % 2));
+            nodes.flat_map(|node| (0..3).map(move |axis| (3 * node + axis) as i32)).collect()
+        };
+        let cubes: Vec<Vec<i32>> = (0..cells * cells * cells).map(cube).collect();
+        let mut matrix = Matrix::zeros(&Arc::new(Sparsity::from_elements(3 * line.pow(3), &cubes).unwrap()));
+        let entry = |row: usize, column: usize| match row.cmp(&column) {
+            std::cmp::Ordering::Equal => 24.0 + row as f64 * 0.3,
+            std::cmp::Ordering::Less => -0.9 - asymmetry,
+            std::cmp::Ordering::Greater => -0.9,
+        };
+        let block: Vec<f64> = (0..24 * 24).map(|k| entry(k / 24, k % 24)).collect();
+        for rows in &cubes {
+            MatrixOps::<Sparse>::add(&mut matrix, rows, rows, &block).unwrap();
+        }
+        matrix
+    }
+
+    /// Factors and solves on pools of several threads; returns the factor entries, if they are known.
+    fn the_solution_has_the_same_bits(matrix: &Matrix, symmetry: Symmetry) -> Option<usize> {
+        let params = SolverParams::new(symmetry);
+        let symbolic = Sparse::<f64>::analyze(&(), matrix.pattern(), &params).unwrap();
+        let right: Vector = (0..symbolic.unknowns()).map(|k| (k % 7) as f64 - 3.0).collect::<Vec<f64>>().into();
+        let mut solutions = on_pools(|| {
+            let mut solver: Solver = Sparse::<f64>::solver(&symbolic).unwrap();
+            solver.factor(matrix).unwrap();
+            let mut x = Vector::from(vec![0.0; symbolic.unknowns()]);
+            solver.solve(&right, &mut x).unwrap();
+            x
+        });
+        let serial = std::mem::take(&mut solutions[0]);
+        assert!(solutions[1..].iter().all(|x| *x == serial), "{symmetry:?}");
+        symbolic.factor_entries()
+    }
+
+    #[test]
+    fn large_factors_have_the_same_bits_on_any_number_of_threads() {
+        let entries = the_solution_has_the_same_bits(&box_of_cubes(18, 0.0), Symmetry::Definite);
+        assert!(entries.is_some_and(|entries| entries > PARALLEL_CHOLESKY_FROM), "{entries:?}");
+        let unsymmetric = box_of_cubes(15, 0.05);
+        assert!(unsymmetric.pattern().rows() > PARALLEL_LU_FROM);
+        the_solution_has_the_same_bits(&unsymmetric, Symmetry::None);
+    }
 }

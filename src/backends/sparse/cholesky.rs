@@ -8,7 +8,7 @@ use faer::sparse::linalg::cholesky::supernodal;
 use faer::traits::RealField;
 use faer::{Conj, MatMut, Par, Spec};
 
-use super::analysis::CholeskyAnalysis;
+use super::analysis::{CholeskyAnalysis, PARALLEL_CHOLESKY_FROM, parallelism};
 use crate::backends::direct::{NotPositiveDefinite, Pivots, ldlt_params};
 use crate::las::Scalar;
 
@@ -38,12 +38,13 @@ impl<T: Scalar + RealField> Cholesky<T> {
         lower: &[T],
         stack: &mut MemStack,
     ) -> Result<Pivots, NotPositiveDefinite> {
+        let par = parallelism(self.values.len() >= PARALLEL_CHOLESKY_FROM);
         supernodal::factorize_supernodal_numeric_llt(
             &mut self.values,
             SparseColMatRef::new(analysis.lower.as_ref(), lower),
             LltRegularization::default(),
             &analysis.supernodes,
-            Par::Seq,
+            par,
             stack,
             Spec::default(),
         )?;

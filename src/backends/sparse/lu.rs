@@ -13,7 +13,7 @@ use faer::sparse::{FaerError, SparseColMatRef, SymbolicSparseColMat};
 use faer::traits::RealField;
 use faer::{Conj, MatMut, Par, Spec};
 
-use super::analysis::by_columns;
+use super::analysis::{PARALLEL_LU_FROM, by_columns, parallelism};
 use crate::backends::direct::Pivots;
 use crate::las::{Scalar, Sparsity};
 
@@ -153,7 +153,8 @@ impl<T: Scalar + RealField> Lu<T> {
         stack: &mut MemStack,
     ) -> Result<f64, LuError> {
         let matrix = SparseColMatRef::new(analysis.columns.as_ref(), &self.values);
-        match symbolic.factorize_numeric_lu(&mut self.supernodal, matrix, Par::Seq, stack, Spec::default()) {
+        let par = parallelism(analysis.columns.nrows() >= PARALLEL_LU_FROM);
+        match symbolic.factorize_numeric_lu(&mut self.supernodal, matrix, par, stack, Spec::default()) {
             Ok(_) => {}
             Err(LuError::SymbolicSingular { .. }) => return Ok(0.0),
             Err(error) => return Err(error),

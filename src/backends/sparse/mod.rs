@@ -9,6 +9,11 @@
 //! order is by default the better one of minimum degree and nested dissection (module `order`). `docs/kernel.md` in the
 //! repository compares times.
 //!
+//! Large systems use all threads of the current rayon pool: products of a matrix and a vector, norms, dot products and
+//! sums of vectors, [`MatrixOps::add_blocks`](crate::las::MatrixOps::add_blocks), and the numeric factorizations of
+//! faer. Results have the same bits for any number of threads. Solves with factors use one thread: in faer, several
+//! threads would change the order of their sums.
+//!
 //! ```
 //! use std::sync::Arc;
 //! use biotissue::backends::sparse::Sparse;
@@ -32,6 +37,7 @@ mod analysis;
 mod block;
 mod cholesky;
 mod ilut;
+mod long;
 mod lu;
 pub mod multigrid;
 mod order;
@@ -48,7 +54,6 @@ use solve::SparseScalar;
 
 use crate::backends::csr::impl_backend_ops;
 pub use crate::backends::csr::{Matrix, Vector};
-use crate::backends::local;
 use crate::las::{Backend, SolveError, SolverParams, Sparsity};
 
 type Failure = SolveError<Infallible>;
@@ -57,7 +62,7 @@ type Failure = SolveError<Infallible>;
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Sparse<T = f64>(PhantomData<fn() -> T>);
 
-impl_backend_ops!([T: SparseScalar] Sparse<T>, T, T, norm: local::norm, dot: local::dot);
+impl_backend_ops!([T: SparseScalar] Sparse<T>, T, T, norm: long::norm, dot: long::dot, axpy: long::axpy);
 
 impl<T: SparseScalar> Backend for Sparse<T> {
     const NAME: &'static str = "sparse";

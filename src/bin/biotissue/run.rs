@@ -58,7 +58,7 @@ pub struct RunCommand {
 /// What `run` and `check` have in common.
 #[derive(Args)]
 pub struct Common {
-    /// Threads that solve RVEs [default: all cores]
+    /// Threads that solve the body and its RVEs; results do not depend on it [default: all cores]
     #[arg(long, value_name = "N", value_parser = count, allow_hyphen_values = true)]
     threads: Option<usize>,
     /// Linear-algebra backend of both scales [default: the first that `biotissue info` names]
@@ -185,7 +185,7 @@ impl Common {
         self.backend.as_deref()
     }
 
-    /// Sets the number of threads that solve RVEs.
+    /// Sets the number of threads of both scales.
     pub fn start_threads(&self) -> Result<(), Failure> {
         let Some(count) = self.threads else { return Ok(()) };
         if !(1..=MAX_THREADS).contains(&count) {

@@ -7,6 +7,7 @@ use crate::fem::element::reference::{Hex8, QuadraturePoint};
 use crate::fem::element::{ElementType, PointGeometry};
 use crate::fem::mesh::Mesh;
 use crate::fem::point_field::PointResponses;
+use crate::parallel;
 use crate::tensor::{cofactor, contract, row_major};
 
 /// A patch of elements (see [`Mesh::patches`]) with its geometry.
@@ -118,49 +119,49 @@ impl Patch {
         sums
     }
 
-    /// Multiplies `F` of each point by `(J0 / J)^(1/3)`. A point with `J <= 0` keeps its `F`, which materials reject.
-    pub fn scale_gradients(&self, displacements: &[[f64; 3]], gradients: &mut [Matrix3<f64>]) {
+    /// Returns the factor `(J0 / J)^(1/3)` of `F` of each point; 1 at a point with `J <= 0`, which materials reject.
+    fn gradient_factors(&self, displacements: &[[f64; 3]], gradients: &[Matrix3<f64>]) -> Vec<f64> {
         let j0 = self.dilatation(&self.displacements(displacements));
-        for point in &self.points {
-            let f = &mut gradients[point.number];
-            let j = f.determinant();
-            if j > 0.0 {
-                *f *= (j0 / j).cbrt();
-            }
-        }
+        let factor = |point: &PatchPoint| {
+            let j = gradients[point.number].determinant();
+            if j > 0.0 { (j0 / j).cbrt() } else { 1.0 }
+        };
+        self.points.iter().map(factor).collect()
     }
 
-    /// Divides `P` of each point by `(J0 / J)^(2/3)`.
-    pub fn scale_stresses(&self, displacements: &[[f64; 3]], pk1: &mut [Matrix3<f64>]) {
+    /// Returns the divisor `(J0 / J)^(2/3)` of `P` of each point.
+    fn stress_divisors(&self, displacements: &[[f64; 3]]) -> Vec<f64> {
         let displacements = self.displacements(displacements);
         let j0 = self.dilatation(&displacements);
-        for point in &self.points {
+        let divisor = |point: &PatchPoint| {
             let a = (j0 / point.deformation_gradient(&displacements).determinant()).cbrt();
-            pk1[point.number] /= a * a;
-        }
+            a * a
+        };
+        self.points.iter().map(divisor).collect()
     }
 
-    /// Replaces the tangent of each point by that of the effective stress at fixed `J0`, and returns the coupling.
+    /// Returns the tangents of the effective stress at fixed `J0`, of each point, and the coupling.
     fn couple(
         &self,
         displacements: &[[f64; 3]],
-        pk1: &[Matrix3<f64>],
-        tangent: &mut [SMatrix<f64, 9, 9>],
-    ) -> PatchCoupling {
+        responses: &PointResponses,
+    ) -> (Vec<SMatrix<f64, 9, 9>>, PatchCoupling) {
         let displacements = self.displacements(displacements);
         let j0 = self.dilatation(&displacements);
         let mut forces = vec![[0.0; 3]; self.nodes.len()];
-        for point in &self.points {
+        let tangent = |point: &PatchPoint| {
             let f = point.deformation_gradient(&displacements);
             let j = f.determinant();
             let a = (j0 / j).cbrt();
-            let tangent = &mut tangent[point.number];
-            let slope = (contract(tangent, &f) / a - pk1[point.number] * (2.0 / (a * a))) / 3.0;
-            *tangent /= a;
-            *tangent -= SVector::from(row_major(&slope)) * SVector::from(row_major(&(cofactor(&f) / j))).transpose();
+            let mut tangent = responses.tangent[point.number];
+            let slope = (contract(&tangent, &f) / a - responses.pk1[point.number] * (2.0 / (a * a))) / 3.0;
+            tangent /= a;
+            tangent -= SVector::from(row_major(&slope)) * SVector::from(row_major(&(cofactor(&f) / j))).transpose();
             point.add_forces(&slope, &mut forces);
-        }
-        PatchCoupling { forces, dilatation: self.dilatation_gradient(&displacements) }
+            tangent
+        };
+        let tangents = self.points.iter().map(tangent).collect();
+        (tangents, PatchCoupling { forces, dilatation: self.dilatation_gradient(&displacements) })
     }
 }
 
@@ -190,11 +191,54 @@ impl PatchPoint {
     }
 }
 
+/// The number of patches that one thread evaluates at a time.
+const PATCHES_PER_CHUNK: usize = 64;
+
+/// The number of chunks of patches whose results are held at a time.
+const CHUNKS_PER_ROUND: usize = 64;
+
+/// Changes `target` by all patches: calls `evaluate` with them on all threads, and `store` with each patch and its
+/// result, in order. A patch must read only what no other patch stores.
+fn update<T: Sync + ?Sized, R: Send>(
+    patches: &[Patch],
+    target: &mut T,
+    evaluate: impl Fn(&Patch, &T) -> R + Sync + Send,
+    mut store: impl FnMut(&Patch, &mut T, R),
+) {
+    for patches in patches.chunks(CHUNKS_PER_ROUND * PATCHES_PER_CHUNK) {
+        let before = &*target;
+        let results = parallel::map(patches.chunks(PATCHES_PER_CHUNK), |patches| {
+            patches.iter().map(|patch| evaluate(patch, before)).collect::<Vec<R>>()
+        });
+        patches.iter().zip(results.into_iter().flatten()).for_each(|(patch, result)| store(patch, target, result));
+    }
+}
+
+/// Multiplies `F` of each point of a patch by `(J0 / J)^(1/3)`. A point with `J <= 0` keeps its `F`.
+pub fn scale_gradients(patches: &[Patch], displacements: &[[f64; 3]], gradients: &mut [Matrix3<f64>]) {
+    let evaluate = |patch: &Patch, gradients: &[Matrix3<f64>]| patch.gradient_factors(displacements, gradients);
+    update(patches, gradients, evaluate, |patch, gradients, factors| {
+        patch.points.iter().zip(factors).for_each(|(point, factor)| gradients[point.number] *= factor);
+    });
+}
+
+/// Divides `P` of each point of a patch by `(J0 / J)^(2/3)`.
+pub fn scale_stresses(patches: &[Patch], displacements: &[[f64; 3]], pk1: &mut [Matrix3<f64>]) {
+    let evaluate = |patch: &Patch, _: &[Matrix3<f64>]| patch.stress_divisors(displacements);
+    update(patches, pk1, evaluate, |patch, pk1, divisors| {
+        patch.points.iter().zip(divisors).for_each(|(point, divisor)| pk1[point.number] /= divisor);
+    });
+}
+
 /// Computes the tangents of all points, with those of patches replaced.
 pub fn tangents(patches: &[Patch], displacements: &[[f64; 3]], responses: &PointResponses) -> PatchTangents {
-    let mut tangent = responses.tangent.clone();
-    let couplings = patches.iter().map(|patch| patch.couple(displacements, &responses.pk1, &mut tangent));
-    PatchTangents { couplings: couplings.collect(), tangent }
+    let (mut tangent, mut couplings) = (responses.tangent.clone(), Vec::with_capacity(patches.len()));
+    let evaluate = |patch: &Patch, _: &[SMatrix<f64, 9, 9>]| patch.couple(displacements, responses);
+    update(patches, &mut *tangent, evaluate, |patch, tangent, (of_points, coupling)| {
+        patch.points.iter().zip(of_points).for_each(|(point, of_point)| tangent[point.number] = of_point);
+        couplings.push(coupling);
+    });
+    PatchTangents { tangent, couplings }
 }
 
 impl PatchCoupling {

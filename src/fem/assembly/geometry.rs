@@ -5,10 +5,12 @@ use thiserror::Error;
 
 use super::f_bar::{self, Patch};
 use super::local;
+use super::nodal_sums::{self, ELEMENTS_PER_CHUNK, ElementChunk, scatter};
 use crate::fem::element::reference::Element;
 use crate::fem::element::{self, ElementError, ElementType, PointGeometry};
 use crate::fem::mesh::{self, Mesh};
-use crate::tensor::contract;
+use crate::parallel;
+use crate::tensor::{cofactor, contract};
 
 /// An element of the mesh that is degenerate.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
@@ -37,6 +39,8 @@ pub struct Block<const N: usize, const Q: usize> {
     pub points: Vec<[PointGeometry<N>; Q]>,
     /// The first point of the block among all points of the mesh.
     pub first_point: usize,
+    /// The elements in chunks whose nodal values are summed apart.
+    chunks: Vec<ElementChunk<N>>,
 }
 
 /// A block of any element type.
@@ -89,6 +93,19 @@ pub fn geometry(mesh: &Mesh) -> Result<Geometry, GeometryError> {
 }
 
 impl Geometry {
+    /// Returns the number of integration points.
+    pub(super) fn points(&self) -> usize {
+        self.blocks.iter().map(|block| with_block!(block, b => b.points.as_flattened().len())).sum()
+    }
+
+    /// Computes `F` of each point from the displacements of all nodes, in meters.
+    pub(super) fn deformation_gradients(&self, displacements: &[[f64; 3]], gradients: &mut Vec<Matrix3<f64>>) {
+        gradients.resize(self.points(), Matrix3::identity());
+        for block in &self.blocks {
+            with_block!(block, b => b.deformation_gradients(displacements, gradients));
+        }
+    }
+
     /// Returns the volume of each integration point, m^3.
     pub fn volumes(&self) -> Vec<f64> {
         let of_block = |block: &ElementBlock| -> Vec<f64> {
@@ -122,6 +139,7 @@ impl<const N: usize, const Q: usize> Block<N, Q> {
             element::geometry::<E, N, Q>(&positions).map_err(|reason| GeometryError { element, reason })
         };
         Ok(Self {
+            chunks: ElementChunk::all(nodes),
             nodes: nodes.to_vec(),
             points: block.range().zip(nodes).map(of_element).collect::<Result<_, _>>()?,
             first_point: mesh.points().of_element(block.range().start).start,
@@ -133,28 +151,34 @@ impl<const N: usize, const Q: usize> Block<N, Q> {
         values[self.first_point..self.first_point + Q * self.nodes.len()].as_chunks().0
     }
 
-    fn elements<'a, T>(
-        &'a self,
-        values: &'a [T],
-    ) -> impl Iterator<Item = (&'a [PointGeometry<N>; Q], &'a [u32; N], &'a [T; Q])> {
-        self.points.iter().zip(&self.nodes).zip(self.of_points(values)).map(|((points, nodes), of)| (points, nodes, of))
+    /// Returns the entries of this block in an array with one entry per point of the mesh, by element, mutably.
+    fn of_points_mut<'a, T>(&self, values: &'a mut [T]) -> &'a mut [[T; Q]] {
+        values[self.first_point..self.first_point + Q * self.nodes.len()].as_chunks_mut().0
     }
 
-    /// Appends `F` of each point.
-    pub fn deformation_gradients(&self, displacements: &[[f64; 3]], gradients: &mut Vec<Matrix3<f64>>) {
-        for (points, nodes) in self.points.iter().zip(&self.nodes) {
-            let u = gather(displacements, nodes);
-            gradients.extend(points.iter().map(|point| point.deformation_gradient(&u)));
-        }
+    /// Computes `F` of each point of the block, in an array with one entry per point of the mesh.
+    pub fn deformation_gradients(&self, displacements: &[[f64; 3]], gradients: &mut [Matrix3<f64>]) {
+        let elements = self.points.chunks(ELEMENTS_PER_CHUNK).zip(self.nodes.chunks(ELEMENTS_PER_CHUNK));
+        let chunks = elements.zip(self.of_points_mut(gradients).chunks_mut(ELEMENTS_PER_CHUNK));
+        parallel::map(chunks, |((points, nodes), gradients)| {
+            for ((points, nodes), gradients) in points.iter().zip(nodes).zip(gradients) {
+                let u = gather(displacements, nodes);
+                for (point, f) in points.iter().zip(gradients) {
+                    *f = point.deformation_gradient(&u);
+                }
+            }
+        });
     }
 
     /// Adds `integral P grad N_a dV` to the forces on the nodes.
     pub fn add_internal_forces(&self, pk1: &[Matrix3<f64>], forces: &mut [[f64; 3]]) {
-        for (points, nodes, pk1) in self.elements(pk1) {
-            for (point, p) in points.iter().zip(pk1) {
+        let pk1 = self.of_points(pk1);
+        nodal_sums::add(&self.chunks, forces, |element, forces, nodes| {
+            for (point, p) in self.points[element].iter().zip(&pk1[element]) {
                 scatter(forces, nodes, local::internal_force(point, p));
             }
-        }
+            0.0
+        });
     }
 
     /// Adds the first-order change of the internal forces; skips elements whose nodes do not move.
@@ -164,16 +188,35 @@ impl<const N: usize, const Q: usize> Block<N, Q> {
         increments: &[[f64; 3]],
         forces: &mut [[f64; 3]],
     ) {
-        for (points, nodes, tangent) in self.elements(tangent) {
-            let moved = gather(increments, nodes);
-            if moved == [[0.0; 3]; N] {
-                continue;
+        let tangent = self.of_points(tangent);
+        nodal_sums::add(&self.chunks, forces, |element, forces, nodes| {
+            let moved = gather(increments, &self.nodes[element]);
+            if moved != [[0.0; 3]; N] {
+                for (point, a) in self.points[element].iter().zip(&tangent[element]) {
+                    let dp = contract(a, &point.displacement_gradient(&moved));
+                    scatter(forces, nodes, local::internal_force(point, &dp));
+                }
             }
-            for (point, a) in points.iter().zip(tangent) {
-                let dp = contract(a, &point.displacement_gradient(&moved));
-                scatter(forces, nodes, local::internal_force(point, &dp));
+            0.0
+        });
+    }
+
+    /// Returns the deformed volume at the points marked in `points`, m^3, and adds its derivatives by the displacements
+    /// of the nodes, m^2, to `gradient`.
+    pub fn add_volume_gradient(&self, points: &[bool], displacements: &[[f64; 3]], gradient: &mut [[f64; 3]]) -> f64 {
+        let is_inside = self.of_points(points);
+        let volumes = nodal_sums::add(&self.chunks, gradient, |element, gradient, nodes| {
+            let u = gather(displacements, &self.nodes[element]);
+            let mut volume = 0.0;
+            for (point, _) in self.points[element].iter().zip(&is_inside[element]).filter(|(_, is_inside)| **is_inside)
+            {
+                let f = point.deformation_gradient(&u);
+                volume += point.volume * f.determinant();
+                scatter(gradient, nodes, local::internal_force(point, &cofactor(&f)));
             }
-        }
+            volume
+        });
+        volumes.into_iter().sum()
     }
 
     /// Returns the largest norm of the gradient of a shape function, 1/m.
@@ -185,25 +228,24 @@ impl<const N: usize, const Q: usize> Block<N, Q> {
     /// Returns the sum over all points and nodes of the squared errors of the forces, divided by `eps`; see
     /// [`Assembler::rounding_error`](super::Assembler::rounding_error).
     pub fn squared_errors(&self, tangent: &[SMatrix<f64, 9, 9>]) -> f64 {
-        let squares =
-            self.elements(tangent).flat_map(|(points, _, tangent)| points.iter().zip(tangent)).map(|(p, a)| {
+        let points = self.points.chunks(ELEMENTS_PER_CHUNK);
+        let chunks = points.zip(self.of_points(tangent).chunks(ELEMENTS_PER_CHUNK));
+        let sums: Vec<f64> = parallel::map(chunks, |(points, tangent)| {
+            let squares = points.as_flattened().iter().zip(tangent.as_flattened()).map(|(p, a)| {
                 let gradients: f64 = p.gradients.as_flattened().iter().map(|g| g * g).sum();
                 p.volume * p.volume * a.norm_squared() * gradients
             });
-        squares.sum()
+            squares.sum()
+        });
+        sums.into_iter().sum()
     }
 }
 
 #[inline(always)]
 fn gather<const N: usize>(values: &[[f64; 3]], nodes: &[u32; N]) -> [[f64; 3]; N] {
-    nodes.map(|node| values[node as usize])
-}
-
-#[inline(always)]
-fn scatter<const N: usize>(sums: &mut [[f64; 3]], nodes: &[u32; N], values: [[f64; 3]; N]) {
-    for (&node, value) in nodes.iter().zip(values) {
-        for (sum, value) in sums[node as usize].iter_mut().zip(value) {
-            *sum += value;
-        }
+    let mut gathered = [[0.0; 3]; N];
+    for (to, &node) in gathered.iter_mut().zip(nodes) {
+        *to = values[node as usize];
     }
+    gathered
 }

@@ -14,11 +14,24 @@ pub fn entries<const N: usize>(stiffness: &ElementStiffness<N>) -> &[f64] {
     stiffness.as_flattened().as_flattened().as_flattened()
 }
 
+/// Returns the entries of an array as an element stiffness, row-major; `None` if there are too few.
+#[inline(always)]
+pub(super) fn from_entries<const N: usize>(entries: &mut [f64]) -> Option<&mut ElementStiffness<N>> {
+    entries.as_chunks_mut().0.as_chunks_mut().0.as_chunks_mut().0.first_chunk_mut()
+}
+
 /// Computes the contribution of a point to `f_a = integral P grad N_a dV`, N, for every node.
 #[inline(always)]
 pub fn internal_force<const N: usize>(point: &PointGeometry<N>, pk1: &Matrix3<f64>) -> [[f64; 3]; N] {
     let vp = pk1 * point.volume;
-    point.gradients.map(|g| std::array::from_fn(|i| vp[(i, 0)] * g[0] + vp[(i, 1)] * g[1] + vp[(i, 2)] * g[2]))
+    // Closures of arrays are not always inlined.
+    let mut forces = [[0.0; 3]; N];
+    for (force, g) in forces.iter_mut().zip(&point.gradients) {
+        for (i, force) in force.iter_mut().enumerate() {
+            *force = vp[(i, 0)] * g[0] + vp[(i, 1)] * g[1] + vp[(i, 2)] * g[2];
+        }
+    }
+    forces
 }
 
 /// Computes `K[a][i][b][k] = sum_q V_q sum_JL g_a[J] A_iJkL g_b[L]` over the integration points of an element.
@@ -32,16 +45,26 @@ pub fn stiffness<const N: usize, const Q: usize>(
     tangents: &[SMatrix<f64, 9, 9>; Q],
 ) -> ElementStiffness<N> {
     let mut block = [[[[0.0; 3]; N]; 3]; N];
+    write_stiffness(points, tangents, &mut block);
+    block
+}
+
+/// Writes the stiffness of [`stiffness`] to `block`.
+#[inline(never)]
+pub(super) fn write_stiffness<const N: usize, const Q: usize>(
+    points: &[PointGeometry<N>; Q],
+    tangents: &[SMatrix<f64, 9, 9>; Q],
+    block: &mut ElementStiffness<N>,
+) {
     for (q, (point, tangent)) in points.iter().zip(tangents).enumerate() {
         if q == 0 {
-            add_upper_blocks::<N, true>(point, &tangent.data.0, &mut block);
+            add_upper_blocks::<N, true>(point, &tangent.data.0, block);
         } else {
-            add_upper_blocks::<N, false>(point, &tangent.data.0, &mut block);
+            add_upper_blocks::<N, false>(point, &tangent.data.0, block);
         }
     }
-    mirror(&mut block);
-    fill_node_zero(&mut block);
-    block
+    mirror(block);
+    fill_node_zero(block);
 }
 
 /// Computes the stiffness of [`stiffness`] from tangents without major symmetry.

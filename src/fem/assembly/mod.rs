@@ -43,13 +43,16 @@
 //! with `P` and `A` at `F_bar`. `d ln J0` couples all nodes of the patch by a block of rank one. The stiffness is
 //! unsymmetric, because the method does not derive from an energy.
 //!
-//! # Order
-//! Elements are added in mesh order, their points, nodes and components in local order, so every run adds the same
-//! terms in the same order.
+//! # Threads
+//! All loops over elements and points use the threads of the current rayon pool, and results have the same bits for any
+//! number of them. The entries of the stiffness are sums in mesh order ([`MatrixOps::add_blocks`]), with points, nodes
+//! and components in local order. Forces are first summed over chunks of a fixed number of consecutive elements, then
+//! the sums of the chunks are added in their order.
 
 mod f_bar;
 mod geometry;
 pub mod local;
+mod nodal_sums;
 mod unknown_map;
 mod unknowns;
 mod volume;
@@ -66,7 +69,7 @@ pub use volume::volume_tangent;
 use super::boundary::Load;
 use super::kinematics::{Kinematics, RigidMotion, Rows};
 use super::point_field::PointResponses;
-use crate::las::{Backend, Index, MatrixOps, RealBackend};
+use crate::las::{Backend, BlockSlots, Index, MatrixOps, RealBackend};
 use f_bar::{PatchTangents, tangents};
 use geometry::{Block, with_block};
 use unknown_map::StateMap;
@@ -101,8 +104,8 @@ struct LocalBlock<B: Backend> {
     /// The numbers within the block of those whose unknowns are the components at their nodes, ascending; all elements
     /// on a serial backend if the body has neither frames nor rigid surfaces.
     elements: Vec<u32>,
-    /// The square of three times the number of nodes per element, row-major.
-    entry_positions: Vec<B::Slot>,
+    /// The positions of their stiffness.
+    slots: BlockSlots<B>,
     /// The other elements, with the positions of their condensed stiffness ([`Kinematics::condense`]).
     condensed: Vec<(u32, Vec<B::Slot>)>,
     /// Whether elements of the block belong to patches, so that their tangents are unsymmetric.
@@ -173,23 +176,20 @@ impl<B: RealBackend> Assembler<B> {
         let rows_of = |nodes: &[u32; N]| -> [[B::Index; 3]; N] {
             nodes.map(|node| std::array::from_fn(|i| self.equation_numbers[3 * node as usize + i]))
         };
-        let mut local =
-            LocalBlock { elements: Vec::new(), entry_positions: Vec::new(), condensed: Vec::new(), has_patches: false };
+        let (mut elements, mut condensed) = (Vec::with_capacity(block.nodes.len()), Vec::new());
+        let mut rows_of_all = Vec::with_capacity(3 * N * block.nodes.len());
         for (element, nodes) in (0..).zip(&block.nodes) {
+            let rows = rows_of(nodes);
             if !self.kinematics.are_plain(nodes) {
-                local.condensed.extend(self.locate_nodes(nodes, matrix)?.map(|positions| (element, positions)));
-            } else if matrix.owns_any_row(rows_of(nodes).as_flattened()) {
-                local.elements.push(element);
+                condensed.extend(self.locate_nodes(nodes, matrix)?.map(|positions| (element, positions)));
+            } else if matrix.owns_any_row(rows.as_flattened()) {
+                elements.push(element);
+                rows_of_all.extend_from_slice(rows.as_flattened());
             }
         }
-        let count = local.elements.len() * 9 * N * N;
-        local.entry_positions.reserve_exact(count);
-        for &element in &local.elements {
-            let rows = rows_of(&block.nodes[element as usize]);
-            matrix.locate(rows.as_flattened(), rows.as_flattened(), &mut local.entry_positions)?;
-        }
-        debug_assert_eq!(local.entry_positions.len(), count, "one position per pair of unknowns");
-        Ok(local)
+        let slots = matrix.locate_blocks(3 * N, &rows_of_all)?;
+        debug_assert_eq!(slots.len(), elements.len(), "one block per element");
+        Ok(LocalBlock { elements, slots, condensed, has_patches: false })
     }
 
     /// Locates the stiffness of loads in `matrix`, for [`Assembler::load_stiffness`].
@@ -247,13 +247,8 @@ impl<B: RealBackend> Assembler<B> {
     /// # Panics
     /// Panics if `displacements` has fewer nodes than the mesh.
     pub fn deformation_gradients(&self, displacements: &[[f64; 3]], gradients: &mut Vec<Matrix3<f64>>) {
-        gradients.clear();
-        for block in &self.geometry.blocks {
-            with_block!(block, b => b.deformation_gradients(displacements, gradients));
-        }
-        for patch in &self.geometry.patches {
-            patch.scale_gradients(displacements, gradients);
-        }
+        self.geometry.deformation_gradients(displacements, gradients);
+        f_bar::scale_gradients(&self.geometry.patches, displacements, gradients);
     }
 
     /// Computes `f_a = integral P grad N_a dV`, N, for all nodes, including prescribed components, from `P` of all
@@ -263,8 +258,8 @@ impl<B: RealBackend> Assembler<B> {
     /// Panics if `displacements` or `forces` has fewer nodes than the mesh, or `pk1` fewer points.
     pub fn internal_forces(&self, displacements: &[[f64; 3]], pk1: &[Matrix3<f64>], forces: &mut [[f64; 3]]) {
         let mut pk1 = Cow::Borrowed(pk1);
-        for patch in &self.geometry.patches {
-            patch.scale_stresses(displacements, pk1.to_mut());
+        if self.has_patches() {
+            f_bar::scale_stresses(&self.geometry.patches, displacements, pk1.to_mut());
         }
         forces.fill([0.0; 3]);
         for block in &self.geometry.blocks {
@@ -390,15 +385,18 @@ fn add_stiffness<B: RealBackend, const N: usize, const Q: usize>(
     k: &mut B::Matrix,
 ) -> Result<(), B::Error> {
     let tangent = block.of_points(tangent);
-    for (&element, positions) in local.elements.iter().zip(local.entry_positions.chunks_exact(9 * N * N)) {
-        let element = element as usize;
+    let (elements, has_patches) = (&local.elements, local.has_patches);
+    k.add_blocks(&local.slots, |number, entries| {
+        let element = elements[number] as usize;
         let (points, tangent) = (&block.points[element], &tangent[element]);
-        if local.has_patches {
-            k.add_at(positions, local::entries(&local::unsymmetric_stiffness(points, tangent)))?;
+        let Some(stiffness) = local::from_entries(entries) else { return false };
+        if has_patches {
+            *stiffness = local::unsymmetric_stiffness(points, tangent);
         } else {
-            k.add_at(positions, local::entries(&local::stiffness(points, tangent)))?;
+            local::write_stiffness(points, tangent, stiffness);
         }
-    }
+        true
+    })?;
     for (element, positions) in &local.condensed {
         let element = *element as usize;
         let (points, tangent) = (&block.points[element], &tangent[element]);

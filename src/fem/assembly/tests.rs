@@ -1,3 +1,5 @@
+mod threads;
+
 use std::sync::Arc;
 
 use super::*;

@@ -5,6 +5,7 @@ use std::borrow::Cow;
 use super::Assembler;
 use crate::fem::kinematics::{Kinematics, RigidDerivatives, RigidMotion};
 use crate::las::{Index, MatrixOps, RealBackend, VectorOps};
+use crate::parallel;
 
 /// The derivatives of displacements by the unknowns of rigid surfaces, at one state of the body.
 pub(super) struct StateMap<'a> {
@@ -51,10 +52,15 @@ impl<B: RealBackend> Assembler<B> {
     pub fn free_norm(&self, forces: &mut [[f64; 3]], motions: &[RigidMotion]) -> f64 {
         let of_rigid_surfaces = self.kinematics.rigid_forces(motions, forces);
         self.kinematics.rotate_to_frames(forces);
-        let of_nodes = self.equation_numbers.iter().zip(forces.as_flattened());
-        let of_surfaces = self.rigid_equations.as_flattened().iter().zip(of_rigid_surfaces.as_flattened());
-        let free = of_nodes.chain(of_surfaces).filter(|(equation, _)| equation.position().is_some());
-        free.map(|(_, force)| force * force).sum::<f64>().sqrt()
+        const CHUNK: usize = 3 * 4096;
+        let squares = |(equations, forces): (&[B::Index], &[f64])| -> f64 {
+            let free = equations.iter().zip(forces).filter(|(equation, _)| equation.position().is_some());
+            free.map(|(_, force)| force * force).sum()
+        };
+        let of_nodes =
+            parallel::map(self.equation_numbers.chunks(CHUNK).zip(forces.as_flattened().chunks(CHUNK)), squares);
+        let of_surfaces = squares((self.rigid_equations.as_flattened(), of_rigid_surfaces.as_flattened()));
+        (of_nodes.into_iter().sum::<f64>() + of_surfaces).sqrt()
     }
 
     /// Adds `a` times the `direction` of the unknowns to the displacements of all nodes, m, and to the motions of the

@@ -13,13 +13,14 @@
 
 use nalgebra::{Matrix3, SMatrix};
 
-use super::geometry::{Block, Geometry, with_block};
+use super::geometry::{Block, ElementBlock, Geometry, with_block};
 use super::unknown_map::StateMap;
 use super::{Assembler, LocalBlock, local};
 use crate::fem::constraint::Constraints;
 use crate::fem::kinematics::RigidMotion;
+use crate::fem::point_field::POINTS_PER_CHUNK;
 use crate::las::{MatrixOps, RealBackend};
-use crate::tensor::cofactor;
+use crate::parallel;
 
 /// The position in the matrix of one face of a cavity.
 #[derive(Debug)]
@@ -57,25 +58,8 @@ impl Geometry {
         displacements: &[[f64; 3]],
         gradient: &mut [[f64; 3]],
     ) -> f64 {
-        let (mut f, mut volume) = (Vec::new(), 0.0);
-        for block in &self.blocks {
-            with_block!(block, b => b.deformation_gradients(displacements, &mut f));
-        }
-        let volumes = self.blocks.iter().flat_map(|block| -> Vec<f64> {
-            with_block!(block, b => b.points.as_flattened().iter().map(|point| point.volume).collect())
-        });
-        for ((f, of_point), &is_inside) in f.iter_mut().zip(volumes).zip(points) {
-            if is_inside {
-                volume += of_point * f.determinant();
-                *f = cofactor(f);
-            } else {
-                f.fill(0.0);
-            }
-        }
-        for block in &self.blocks {
-            with_block!(block, b => b.add_internal_forces(&f, gradient));
-        }
-        volume
+        let of_block = |block: &ElementBlock| with_block!(block, b => b.add_volume_gradient(points, displacements, &mut *gradient));
+        self.blocks.iter().map(of_block).sum()
     }
 
     /// Adds the first-order change of the forces `-p dV/du` of regions, N, with the pressure at each point, Pa, for the
@@ -95,12 +79,15 @@ impl Geometry {
 
     /// Returns `-p dP/dF` of each point, Pa.
     fn pressure_tangents(&self, pressures: &[f64], displacements: &[[f64; 3]]) -> Vec<SMatrix<f64, 9, 9>> {
-        let mut f = Vec::new();
-        for block in &self.blocks {
-            with_block!(block, b => b.deformation_gradients(displacements, &mut f));
-        }
-        let tangent = |(f, &p): (&Matrix3<f64>, &f64)| if p == 0.0 { SMatrix::zeros() } else { volume_tangent(f) * -p };
-        f.iter().zip(pressures).map(tangent).collect()
+        let (mut f, mut tangents) = (Vec::new(), vec![SMatrix::zeros(); pressures.len()]);
+        self.deformation_gradients(displacements, &mut f);
+        let inputs = f.chunks(POINTS_PER_CHUNK).zip(pressures.chunks(POINTS_PER_CHUNK));
+        parallel::map(inputs.zip(tangents.chunks_mut(POINTS_PER_CHUNK)), |((f, pressures), tangents)| {
+            for ((f, &p), tangent) in f.iter().zip(pressures).zip(tangents).filter(|((_, p), _)| **p != 0.0) {
+                *tangent = volume_tangent(f) * -p;
+            }
+        });
+        tangents
     }
 }
 
@@ -183,12 +170,16 @@ fn add_pressure_stiffness<B: RealBackend, const N: usize, const Q: usize>(
     k: &mut B::Matrix,
 ) -> Result<(), B::Error> {
     let (pressures, tangent) = (block.of_points(pressures), block.of_points(tangent));
-    for (&element, positions) in of_rank.elements.iter().zip(of_rank.entry_positions.chunks_exact(9 * N * N)) {
-        let element = element as usize;
-        if pressures[element] != [0.0; Q] {
-            k.add_at(positions, local::entries(&local::stiffness(&block.points[element], &tangent[element])))?;
+    let elements = &of_rank.elements;
+    k.add_blocks(&of_rank.slots, |number, entries| {
+        let element = elements[number] as usize;
+        let Some(stiffness) = local::from_entries(entries) else { return false };
+        let has_pressure = pressures[element] != [0.0; Q];
+        if has_pressure {
+            local::write_stiffness(&block.points[element], &tangent[element], stiffness);
         }
-    }
+        has_pressure
+    })?;
     for (element, positions) in &of_rank.condensed {
         let element = *element as usize;
         if pressures[element] != [0.0; Q] {
@@ -202,6 +193,7 @@ fn add_pressure_stiffness<B: RealBackend, const N: usize, const Q: usize>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::tensor::cofactor;
 
     #[test]
     fn the_tangent_is_the_slope_of_the_cofactor_and_the_cofactor_that_of_the_determinant() {

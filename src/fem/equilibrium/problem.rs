@@ -1,6 +1,6 @@
 //! Equilibrium as a problem of Newton's method.
 
-use super::{Equilibrium, EquilibriumError, norm, scatter};
+use super::{Equilibrium, EquilibriumError, NODES_PER_CHUNK, norm, norm_of, scatter};
 use crate::fem::point_field::PointField;
 use crate::las::{Border, NonlinearProblem, RealBackend, ResidualScale};
 
@@ -67,9 +67,11 @@ impl<B: RealBackend, P: PointField> NonlinearProblem<B> for Equilibrium<B, P> {
     /// The norm of the displacement increments of all nodes since the committed state, prescribed ones included, m.
     /// Changes below `1e-8` of the displacements are due to rounding.
     fn state_scale(&self) -> Option<f64> {
-        let displacements = self.trial.displacements.as_flattened();
-        let moved = displacements.iter().zip(self.committed.displacements.as_flattened());
-        let change = moved.map(|(new, old)| (new - old).powi(2)).sum::<f64>().sqrt();
+        let moved = self.trial.displacements.chunks(NODES_PER_CHUNK);
+        let moved = moved.zip(self.committed.displacements.chunks(NODES_PER_CHUNK));
+        let change = norm_of(moved, |(new, old)| {
+            new.as_flattened().iter().zip(old.as_flattened()).map(|(new, old)| (new - old).powi(2)).sum()
+        });
         Some(change.max(1e-8 * norm(&self.trial.displacements)))
     }
 

@@ -152,6 +152,54 @@ impl Case for MatrixCase {
     }
 }
 
+/// Many square blocks of one size, whose rows are those of nodes, some of them constrained.
+#[derive(Clone, Debug)]
+pub(super) struct ManyBlocksCase {
+    pub pattern: Arc<Sparsity>,
+    /// Number of rows of a block.
+    pub size: usize,
+    /// The rows of each block and its values; no values if the block adds nothing.
+    pub blocks: Vec<(Vec<i32>, Option<Vec<f64>>)>,
+}
+
+impl Case for ManyBlocksCase {
+    fn draw(random: &mut Random, block_size: usize) -> Self {
+        let unknowns = random.side(block_size);
+        let rows_per_node = [1, 3][random.below(2)];
+        let mut nodes = vec![vec![-1; rows_per_node]];
+        let mut next = 0;
+        while next < unknowns {
+            let mut row = || {
+                let is_free = next < unknowns && random.below(4) > 0;
+                next += usize::from(is_free);
+                if is_free { next as i32 - 1 } else { -1 }
+            };
+            nodes.push((0..rows_per_node).map(|_| row()).collect());
+        }
+        let size = (1 + random.below(4)) * rows_per_node;
+        let mut block = || {
+            let rows: Vec<i32> =
+                (0..size / rows_per_node).flat_map(|_| nodes[random.below(nodes.len())].clone()).collect();
+            let values = (random.below(5) > 0).then(|| random.integers(size * size));
+            (rows, values)
+        };
+        let blocks: Vec<_> = (0..6).map(|_| block()).collect();
+        // Rows of a node have the same columns only if no others are added.
+        let pattern = if block_size == 1 && random.below(4) > 0 {
+            Arc::new(unwrap(Sparsity::from_elements(unknowns, blocks.iter().map(|(rows, _)| rows))))
+        } else {
+            let blocks: Vec<_> =
+                blocks.iter().map(|(rows, _)| Block { rows: rows.clone(), cols: rows.clone() }).collect();
+            random.pattern([unknowns, unknowns, block_size], &blocks)
+        };
+        Self { pattern, size, blocks }
+    }
+
+    fn smaller(&self) -> Vec<Self> {
+        without_one(&self.blocks, |blocks| Self { blocks, ..self.clone() })
+    }
+}
+
 /// A matrix as the sum of blocks.
 #[derive(Clone, Debug)]
 pub(super) struct Sum {

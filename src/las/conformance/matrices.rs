@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use super::cases::{Block, MatrixCase, MatrixStep};
+use super::cases::{Block, ManyBlocksCase, MatrixCase, MatrixStep};
 use super::{DenseReference, Outcome, equal, indices, lanes, number_in_lane, same, scalars, tried, untouched};
 use crate::las::{Backend, Index, MatrixOps, Sparsity};
 
@@ -124,6 +124,42 @@ impl<B: Backend> Subject<'_, B> {
         }
         Ok(())
     }
+}
+
+/// Adds many blocks at once, twice, and compares every entry with the reference.
+pub(super) fn check_many_blocks<B: Backend>(context: &B::Context, case: &ManyBlocksCase) -> Outcome {
+    let unknowns = case.pattern.rows();
+    let twin = tried(B::matrix(context, &case.pattern))?;
+    let rows: Vec<i32> = case.blocks.iter().flat_map(|(rows, _)| rows).copied().collect();
+    let slots = tried(twin.locate_blocks(case.size, &indices::<B>(&rows)))?;
+    equal("the number and size of located blocks", (slots.len(), slots.size()), (case.blocks.len(), case.size))?;
+    let mut expected = vec![DenseReference::zeros(unknowns, unknowns); lanes::<B>()];
+    for (rows, values) in case.blocks.iter().filter_map(|(rows, values)| Some((rows, values.as_ref()?))) {
+        for (lane, a) in expected.iter_mut().enumerate() {
+            let block = Block { rows: rows.clone(), cols: rows.clone() };
+            for (row, column, value) in block.entries(values) {
+                *a.at(row, column) += 2.0 * number_in_lane(value, lane);
+            }
+        }
+    }
+    let values: Vec<Option<Vec<B::Scalar>>> =
+        case.blocks.iter().map(|(_, values)| values.as_ref().map(|values| scalars::<B>(values))).collect();
+    let mut found = tried(B::matrix(context, &case.pattern))?;
+    for _ in 0..2 {
+        tried(found.add_blocks(&slots, |number, block| match &values[number] {
+            Some(values) => {
+                block.copy_from_slice(values);
+                true
+            }
+            None => {
+                block.copy_from_slice(&untouched::<B>(block.len()));
+                false
+            }
+        }))?;
+    }
+    let all = Block { rows: (0..unknowns as i32).collect(), cols: (0..unknowns as i32).collect() };
+    Subject::<B> { found, expected, blocks: &[], slots: Vec::new(), ranges: Vec::new(), pending: Some(false) }
+        .read(&all)
 }
 
 /// Checks that writes out of range are dropped. Debug assertions forbid such writes, so that builds with them skip the

@@ -162,6 +162,7 @@ pub fn vectors<B: Backend>(context: &B::Context, trials: Trials) {
 /// Panics if the backend violates the specification of [`MatrixOps`](super::MatrixOps).
 pub fn matrices<B: Backend>(context: &B::Context, trials: Trials) {
     trials.run("operations of matrices", |case| matrices::check::<B>(context, case));
+    trials.run("many blocks at once", |case| matrices::check_many_blocks::<B>(context, case));
 }
 
 /// Tests matrix-vector products and diagonals.

@@ -13,8 +13,9 @@ use super::library::{Library, LibraryError, PointMaterial};
 use super::lifecycle::{LifecycleState, RveStatus, extrapolate};
 use crate::fem::material::{Material, MaterialError, Response, SaintVenantKirchhoff};
 use crate::fem::mesh::{IntegrationPoint, Mesh, PointNumbering};
-use crate::fem::point_field::PointResponses;
+use crate::fem::point_field::{POINTS_PER_CHUNK, PointResponses};
 use crate::las::RealBackend;
+use crate::parallel;
 use crate::tissue::materials::{BeforeCreation, Formula, RveLifecycle};
 
 /// The materials of all integration points of a body, and the statuses of the RVEs.
@@ -155,47 +156,27 @@ impl Sites {
         self.status(point) == Some(RveStatus::Awake)
     }
 
-    /// Writes the responses of all points without an awake RVE to `out`.
+    /// Writes the responses of all points without an awake RVE to `out`, on all threads of the current rayon pool. The
+    /// error is that of the first point that has one.
     pub(in crate::tissue) fn evaluate(
         &mut self,
         gradients: &[Matrix3<f64>],
         out: &mut PointResponses,
     ) -> Result<(), PointFailure> {
         out.resize(gradients.len());
-        for (point, f) in gradients.iter().enumerate() {
-            let response = self
-                .respond(point, f)
-                .map_err(|reason| PointFailure::of_formula(self.points.locate(point), &reason))?;
-            if let Some(response) = response {
-                write(out, point, &response);
+        let Self { sites, points, at_rest, .. } = self;
+        let inputs = sites.chunks_mut(POINTS_PER_CHUNK).zip(gradients.chunks(POINTS_PER_CHUNK));
+        let chunks = inputs.zip(out.chunks_mut(POINTS_PER_CHUNK)).enumerate();
+        parallel::try_each(chunks, |(number, ((sites, gradients), mut out))| {
+            for (k, (site, f)) in sites.iter_mut().zip(gradients).enumerate() {
+                let locate = || points.locate(number * POINTS_PER_CHUNK + k);
+                let response = site.respond(f, at_rest);
+                if let Some(response) = response.map_err(|reason| PointFailure::of_formula(locate(), &reason))? {
+                    out.set(k, &response);
+                }
             }
-        }
-        Ok(())
-    }
-
-    /// Returns the response of a point without an awake RVE; `None` if its RVE has to be solved.
-    fn respond(&mut self, point: usize, f: &Matrix3<f64>) -> Result<Option<Response>, MaterialError> {
-        let rve = match &mut self.sites[point] {
-            Site::Formula(formula) => return check_orientation(f).and_then(|()| formula.respond(f)).map(Some),
-            Site::Rve(rve) => rve,
-        };
-        let Some(lifecycle) = &mut rve.lifecycle else { return Ok(None) };
-        lifecycle.trial = (*f, None);
-        let rest = rve.model.and_then(|model| self.at_rest[model].as_ref());
-        if lifecycle.status == RveStatus::Awake {
-            return Ok(None);
-        }
-        check_orientation(f)?;
-        match lifecycle.status {
-            RveStatus::Awake => Ok(None),
-            RveStatus::Asleep => {
-                Ok(lifecycle.extrapolation_point.as_ref().map(|(from, response)| extrapolate(from, response, f)))
-            }
-            RveStatus::Waiting if lifecycle.rules.before == BeforeCreation::Linear => {
-                linear(rest, rve.matrix.as_deref(), f).map(Some)
-            }
-            RveStatus::Waiting | RveStatus::Deleted => rve.matrix.as_ref().map(|matrix| matrix.respond(f)).transpose(),
-        }
+            Ok(())
+        })
     }
 
     /// Writes the response of the RVE of a point to `out`, and stores it: it belongs to the gradient of the last
@@ -317,6 +298,36 @@ impl Site {
         match self {
             Self::Formula(_) => None,
             Self::Rve(rve) => Some(rve),
+        }
+    }
+
+    /// Returns the response of a point without an awake RVE; `None` if its RVE has to be solved. `at_rest` has the
+    /// linear response at rest of each model that an RVE not created yet uses.
+    fn respond(
+        &mut self,
+        f: &Matrix3<f64>,
+        at_rest: &[Option<SaintVenantKirchhoff>],
+    ) -> Result<Option<Response>, MaterialError> {
+        let rve = match self {
+            Self::Formula(formula) => return check_orientation(f).and_then(|()| formula.respond(f)).map(Some),
+            Self::Rve(rve) => rve,
+        };
+        let Some(lifecycle) = &mut rve.lifecycle else { return Ok(None) };
+        lifecycle.trial = (*f, None);
+        let rest = rve.model.and_then(|model| at_rest[model].as_ref());
+        if lifecycle.status == RveStatus::Awake {
+            return Ok(None);
+        }
+        check_orientation(f)?;
+        match lifecycle.status {
+            RveStatus::Awake => Ok(None),
+            RveStatus::Asleep => {
+                Ok(lifecycle.extrapolation_point.as_ref().map(|(from, response)| extrapolate(from, response, f)))
+            }
+            RveStatus::Waiting if lifecycle.rules.before == BeforeCreation::Linear => {
+                linear(rest, rve.matrix.as_deref(), f).map(Some)
+            }
+            RveStatus::Waiting | RveStatus::Deleted => rve.matrix.as_ref().map(|matrix| matrix.respond(f)).transpose(),
         }
     }
 }

@@ -16,6 +16,7 @@ use crate::fem::material::Response;
 use crate::fem::mesh::IntegrationPoint;
 use crate::fiber::rve::Rve;
 use crate::las::{Backend, RealBackend};
+use crate::parallel;
 use crate::tissue::materials::Formula;
 use crate::tissue::replay::RveDump;
 
@@ -196,7 +197,9 @@ impl<B: RealBackend> Units<B> {
                 let slot = rayon::current_thread_index().unwrap_or(0) % workers.len();
                 // A worker is scratch memory: data left by a panicking thread is overwritten.
                 let mut worker = workers[slot].lock().unwrap_or_else(PoisonError::into_inner);
-                let outcome = action(unit, &gradient, library, &mut worker, &mut stats).map_err(|reason| {
+                // This thread must not start another RVE, which needs the same worker, before this one is done.
+                let outcome = parallel::alone(|| action(unit, &gradient, library, &mut worker, &mut stats));
+                let outcome = outcome.map_err(|reason| {
                     lowest.fetch_min(point, Ordering::Relaxed);
                     (number, gradient, reason)
                 });

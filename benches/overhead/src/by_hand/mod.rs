@@ -18,7 +18,7 @@ pub struct Column<T> {
 
 /// The verbs of a backend in memory, with the same names in every way of calling.
 macro_rules! in_memory {
-    ($(#[$attribute:meta])* $module:ident, $scalar:ty, $slot:ty, $matrix:ty, $norm:path, $dot:path) => {
+    ($(#[$attribute:meta])* $module:ident, $scalar:ty, $slot:ty, $matrix:ty, $norm:path, $dot:path, $axpy:path) => {
         $(#[$attribute])*
         pub mod $module {
             use super::slices;
@@ -63,7 +63,7 @@ macro_rules! in_memory {
 
             #[inline(always)]
             pub fn vector_axpy(y: &mut Vector, a: Scalar, x: &Vector) {
-                slices::axpy(a, &x.values, &mut y.values);
+                $axpy(a, &x.values, &mut y.values);
             }
 
             #[inline(always)]
@@ -112,13 +112,13 @@ macro_rules! in_memory {
 
 in_memory!(
     /// Compressed rows.
-    sparse, f64, u32, super::csr::Csr<f64>, slices::norm, slices::dot
+    sparse, f64, u32, super::csr::Csr<f64>, slices::norm_or_long, slices::dot_or_long, slices::axpy_or_long
 );
 in_memory!(
     /// Dense matrices.
-    dense, f64, usize, super::full::Full, slices::norm, slices::dot
+    dense, f64, usize, super::full::Full, slices::norm, slices::dot, slices::axpy
 );
 in_memory!(
     /// Four systems at once.
-    batched, super::four::Four, u32, super::csr::Csr<super::four::Four>, super::four::norm, super::four::dot
+    batched, super::four::Four, u32, super::csr::Csr<super::four::Four>, super::four::norm, super::four::dot, slices::axpy
 );

@@ -79,3 +79,42 @@ pub fn scaled_norm(x: &[f64]) -> f64 {
     }
     largest * x.iter().map(|v| (v / largest).powi(2)).sum::<f64>().sqrt()
 }
+
+/// The number of entries from which the vectors of `sparse` are long.
+const LONG: usize = 1 << 15;
+
+/// Like [`norm`], with a function of its own for long vectors.
+#[inline(always)]
+pub fn norm_or_long(x: &[f64]) -> f64 {
+    if x.len() < LONG { norm(x) } else { long_dot(x, x).sqrt() }
+}
+
+/// Like [`dot`], with a function of its own for long vectors.
+#[inline(always)]
+pub fn dot_or_long(x: &[f64], y: &[f64]) -> f64 {
+    if x.len() < LONG { dot(x, y) } else { long_dot(x, y) }
+}
+
+/// Like [`axpy`], with a function of its own for long vectors.
+#[inline(always)]
+pub fn axpy_or_long(a: f64, x: &[f64], y: &mut [f64]) {
+    if x.len() < LONG {
+        axpy(a, x, y);
+    } else {
+        long_axpy(a, x, y);
+    }
+}
+
+/// In place of a function that uses several threads: only its call counts.
+#[cold]
+#[inline(never)]
+pub fn long_dot(x: &[f64], y: &[f64]) -> f64 {
+    x.chunks(LONG).zip(y.chunks(LONG)).map(|(x, y)| dot(x, y)).sum()
+}
+
+/// See [`long_dot`].
+#[cold]
+#[inline(never)]
+pub fn long_axpy(a: f64, x: &[f64], y: &mut [f64]) {
+    axpy(a, x, y);
+}

@@ -23,7 +23,7 @@ fn sites(rules: RveLifecycle) -> Sites {
 /// Converges at a stretch; the RVE, where it is solved, has ten times the stiffness of its matrix.
 fn converge(sites: &mut Sites, by: f64) -> (Response, RveChanges) {
     let f = stretched(by);
-    let response = match sites.respond(0, &f).unwrap() {
+    let response = match sites.sites[0].respond(&f, &sites.at_rest).unwrap() {
         Some(response) => response,
         None => {
             let response = NeoHookean { mu: 10.0, lambda: 20.0 }.evaluate(&f).unwrap();

@@ -1,0 +1,102 @@
+//! Loops over chunks of fixed sizes on all threads of the current rayon pool.
+//!
+//! The size of a chunk does not depend on the number of threads, and results come in the order of the chunks. A sum over
+//! them therefore has the same bits for any number of threads. A single chunk, or a pool of one thread, runs on the
+//! calling thread.
+
+use std::cell::Cell;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use rayon::prelude::*;
+
+thread_local! {
+    /// True inside [`alone`].
+    static IS_ALONE: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Returns the number of threads that the calling thread may use.
+pub(crate) fn threads() -> usize {
+    if IS_ALONE.get() { 1 } else { rayon::current_num_threads() }
+}
+
+/// Runs `work` on the calling thread alone. While a thread of a pool waits for others, it may start another task of the
+/// pool; a task that holds a lock, or that is one of many anyway, must not wait.
+#[cfg(any(feature = "app", test))]
+pub(crate) fn alone<R>(work: impl FnOnce() -> R) -> R {
+    /// Restores the flag, also if `work` panics.
+    struct Restore(bool);
+
+    impl Drop for Restore {
+        fn drop(&mut self) {
+            IS_ALONE.set(self.0);
+        }
+    }
+
+    let _restore = Restore(IS_ALONE.replace(true));
+    work()
+}
+
+/// Calls `work` with every chunk; returns its results in the order of the chunks.
+pub(crate) fn map<I: Send, R: Send>(
+    chunks: impl IntoIterator<Item = I>,
+    work: impl Fn(I) -> R + Sync + Send,
+) -> Vec<R> {
+    let chunks: Vec<I> = chunks.into_iter().collect();
+    if chunks.len() <= 1 || threads() == 1 {
+        return chunks.into_iter().map(work).collect();
+    }
+    chunks.into_par_iter().map(work).collect()
+}
+
+/// Calls `work` with every chunk.
+///
+/// # Errors
+/// Returns the error of the first chunk, in order, that has one. Chunks after it may be skipped.
+pub(crate) fn try_each<I: Send, E: Send>(
+    chunks: impl IntoIterator<Item = I>,
+    work: impl Fn(I) -> Result<(), E> + Sync + Send,
+) -> Result<(), E> {
+    let first_failed = AtomicUsize::new(usize::MAX);
+    let outcomes = map(chunks.into_iter().enumerate(), |(number, chunk)| {
+        if number > first_failed.load(Ordering::Relaxed) {
+            return Ok(());
+        }
+        work(chunk).inspect_err(|_| _ = first_failed.fetch_min(number, Ordering::Relaxed))
+    });
+    outcomes.into_iter().collect()
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+
+    /// Returns the results of `run` on pools of 1, 2 and 5 threads.
+    pub(crate) fn on_pools<R: Send>(mut run: impl FnMut() -> R + Send) -> [R; 3] {
+        [1, 2, 5].map(|threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(&mut run)
+        })
+    }
+
+    #[test]
+    fn results_come_in_order_and_the_first_error_wins() {
+        for squares in on_pools(|| map(0..1000, |k| k * k)) {
+            assert!(squares.iter().enumerate().all(|(k, &square)| square == k * k));
+        }
+        for _ in 0..20 {
+            let fails_at = |k: usize| if k % 100 == 37 { Err(k) } else { Ok(()) };
+            assert_eq!(on_pools(|| try_each(0..1000, fails_at)), [Err(37); 3]);
+        }
+        assert_eq!(on_pools(|| try_each(0..1000, |_| Ok::<(), ()>(()))), [Ok(()); 3]);
+    }
+
+    #[test]
+    fn a_thread_that_is_alone_uses_no_other() {
+        let [.., on_five] = on_pools(|| {
+            let of_chunk = |_| std::thread::current().id();
+            let ids = alone(|| map(0..1000, of_chunk));
+            (threads(), ids.iter().all(|&id| id == ids[0]))
+        });
+        assert_eq!(on_five, (5, true));
+    }
+}
