@@ -109,6 +109,8 @@ pub mod fiber;
 pub mod input;
 pub mod las;
 pub mod output;
+#[cfg(feature = "app")]
+mod sealed_file;
 #[cfg(test)]
 #[path = "../tests/support/skip.rs"]
 mod skip;

@@ -111,7 +111,7 @@ impl<'a> Recorder<'a> {
                 let known: Vec<Entry> = written.fields.iter().map(FieldFile::entry).collect();
                 (
                     LoadsWriter::resume(&loads_file, names, progress.steps)?,
-                    LogWriter::resume(&log_file)?,
+                    LogWriter::resume(&log_file, progress.steps)?,
                     Collection::resume(dir.join(FIELDS_FILE), progress.t(), &known)?,
                 )
             }
@@ -127,6 +127,11 @@ impl<'a> Recorder<'a> {
         };
         let listed = fields.entries().iter().map(|entry| FieldFile::new(dir, entry.time, &entry.file));
         let written = listed.collect::<Result<_, ResultsError>>()?;
+        let networks = NetworkFiles::open(dir, rves, mesh.points(), resumed.map(|on| on.progress))?;
+        if let Some(on) = resumed {
+            // No collection lists them any more.
+            results::clear_after(dir, on.progress.steps)?;
+        }
         Ok(Self {
             dir: dir.to_owned(),
             every: case.output.every,
@@ -134,7 +139,7 @@ impl<'a> Recorder<'a> {
             log,
             fields,
             points: case.output.points.then_some(points),
-            networks: NetworkFiles::open(dir, rves, mesh.points(), resumed.map(|on| on.progress))?,
+            networks,
             volumes: mesh.point_volumes(),
             region_of: mesh.points().spread(mesh.region_of()),
             fibers: FormulaFibers::new(case, mesh),

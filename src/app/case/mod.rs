@@ -96,6 +96,7 @@
 //! [output]
 //! directory = "results"                    # default; relative to the case file
 //! every = 1                                # default; steps between two writings of the fields
+//! checkpoint = 1                           # default; steps between two checkpoints
 //! points = false                           # default; or true: also the values at the integration points
 //! rve = "none"                             # default; or "all", or ids of elements, such as [0, 17]
 //! "#;

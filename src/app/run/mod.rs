@@ -25,14 +25,15 @@ pub use writers::WriterGroup;
 
 use self::writers::AgreedRecorder;
 use super::case::Case;
-use super::checkpoint::{self, Checkpoint, Identity};
+use super::checkpoint::{self, Checkpoint, CheckpointError, Identity};
 use super::recorder::{Progress, Recorder, ResumePoint};
 use super::results::log::{End, Event, Start};
-use super::results::{self, DirectoryLock, ResultsError, ResultsRecord, RunProgress};
+use super::results::{self, CHECKPOINT_FOLDER, DirectoryLock, ResultsError, ResultsRecord, RunProgress};
+use crate::fem::equilibrium::EquilibriumError;
 use crate::fem::mesh::Mesh;
-use crate::fem::stepping::{Stepper, SteppingError};
-use crate::las::RealBackend;
-use crate::tissue::micro_scale::{TissueField, TissueMaterial};
+use crate::fem::stepping::{StepFailure, Stepper, SteppingError};
+use crate::las::{NewtonError, RealBackend};
+use crate::tissue::micro_scale::{PieceError, TissueField, TissueFieldError, TissueMaterial};
 
 /// A body and its networks, set up to step through the loads.
 ///
@@ -130,26 +131,53 @@ impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
             true => self.take_directory(writers, dir)?,
             false => writers.agree(Ok(())).map(|()| Vec::new())?,
         };
-        let found = checkpoint::latest(dir, &self.identity());
-        // A process that continues would wait for those that do not.
-        let agreed = writers.agree(found.as_ref().map(|_| ()).map_err(other_rank));
-        let (checkpoint, remarks) = found?;
-        warnings.extend(remarks);
-        let step = checkpoint.as_ref().map_or(0, |checkpoint| checkpoint.state.completed_steps);
-        agreed.and_then(|()| writers.agree_on(step)).map_err(ResumeError::OtherRank)?;
-        let Some(Checkpoint { path, state, statuses, units, written }) = checkpoint else {
+        let Some(checkpoint) = self.find_checkpoint(writers, dir, &mut warnings)? else {
             self.check_empty(writers, dir)?;
             warnings.push(format!("{}: no checkpoint: starting from the beginning", dir.display()));
             return Ok(Resumed { step: 0, warnings });
         };
+        let folder = checkpoint.folder().to_owned();
+        let Checkpoint { path, state, sites, pieces, written } = checkpoint;
         let progress = RunProgress { steps: state.completed_steps, of: self.stepper.count() };
         warnings.extend(writers.on_writer(|| written.check(dir, progress))?);
-        let restored = self.stepper.restore(&state, |field| field.restore_units(&statuses, units));
+        let restored = self.stepper.restore(&state, |field| field.restore_units(&sites, &folder, &pieces));
         restored.map_err(|reason| ResumeError::State(path, Box::new(reason)))?;
         self.written = written;
         // The cost of restoring is not part of the next step.
         let _ = (self.stepper.field().take_stats(), self.stepper.field().take_times());
         Ok(Resumed { step: state.completed_steps, warnings })
+    }
+
+    /// Returns the newest checkpoint that is not damaged, the same on all processes; `None` if there are no checkpoints.
+    fn find_checkpoint(
+        &self,
+        writers: &dyn WriterGroup,
+        dir: &Path,
+        warnings: &mut Vec<String>,
+    ) -> Result<Option<Checkpoint>, ResumeError<B::Error>> {
+        let identity = self.identity();
+        let (mut before, mut damaged) = (usize::MAX, None);
+        loop {
+            let found = checkpoint::latest(dir, before, &identity);
+            // A process that continues would wait for those that do not.
+            let agreed = writers.agree(found.as_ref().map(|_| ()).map_err(other_rank));
+            let (checkpoint, remarks) = found?;
+            let step = checkpoint.as_ref().map_or(0, |checkpoint| checkpoint.state.completed_steps);
+            agreed.and_then(|()| writers.agree_on(step)).map_err(ResumeError::OtherRank)?;
+            let Some(checkpoint) = checkpoint else { return damaged.map_or(Ok(None), |error| Err(error)) };
+            match self.stepper.field().verify_pieces(checkpoint.folder(), &checkpoint.pieces) {
+                Ok(()) => {
+                    warnings.extend(remarks);
+                    return Ok(Some(checkpoint));
+                }
+                Err(PieceError::Ranks(reason)) => return Err(ResumeError::OtherRank(other_rank(reason))),
+                Err(error) => {
+                    let error = CheckpointError::from(error);
+                    warnings.push(checkpoint::trying_another(&error));
+                    (before, damaged) = (step, Some(ResumeError::Checkpoint(error)));
+                }
+            }
+        }
     }
 
     /// Checks that a directory without a checkpoint holds no results that a start from the beginning would remove.
@@ -255,7 +283,8 @@ impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
         }
     }
 
-    /// Takes the remaining steps, with a checkpoint after each; returns a summary without the wall time.
+    /// Takes the remaining steps, with a checkpoint after every `[output] checkpoint` steps and the last one; returns a
+    /// summary without the wall time.
     fn take_steps(
         &mut self,
         dir: &Path,
@@ -263,6 +292,7 @@ impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
     ) -> Result<RunSummary, RunError<B::Error>> {
         let identity = self.identity();
         let count = self.stepper.count();
+        let mut saved = self.stepper.completed_steps();
         let mut summary = RunSummary { steps: count, ..RunSummary::default() };
         while self.stepper.completed_steps() < count {
             match self.stepper.step(recorder) {
@@ -273,20 +303,46 @@ impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
                 }
                 Err(SteppingError::Stopped { reason, .. }) => return Err(reason.into()),
                 Err(SteppingError::NotConverged { step, reached, halvings, reason, .. }) => {
+                    // The run may be continued with other settings.
+                    if self.stepper.completed_steps() > saved && !is_final(&reason) {
+                        self.write_checkpoint(dir, recorder, &identity)?;
+                    }
                     let (reason, failed_rve) = (Box::new(reason), recorder.failed_rve());
                     return Err(RunError::NotConverged { step, count, reached, halvings, reason, failed_rve });
                 }
             }
-            // The checkpoint is written last, so that it never refers to results that do not exist.
-            if let Some(state) = self.stepper.saved() {
-                recorder.write(|recorder| {
-                    let written = recorder.flush()?;
-                    checkpoint::write(dir, &identity, state, written, self.stepper.field())
-                })?;
+            let step = self.stepper.completed_steps();
+            if step.is_multiple_of(self.case.output.checkpoint) || step == count {
+                self.write_checkpoint(dir, recorder, &identity)?;
+                saved = step;
             }
         }
         Ok(summary)
     }
+
+    /// Writes a checkpoint of the last full step, unless the state lies within a later step. The main file is written
+    /// last, so that it never refers to results or pieces that do not exist.
+    fn write_checkpoint(
+        &self,
+        dir: &Path,
+        recorder: &mut AgreedRecorder<'_, '_>,
+        identity: &Identity,
+    ) -> Result<(), ResultsError> {
+        let Some(state) = self.stepper.saved() else { return Ok(()) };
+        let (mut written, field) = (ResultsRecord::default(), self.stepper.field());
+        recorder.write(|recorder| {
+            written = recorder.flush()?;
+            checkpoint::create_folder(dir).map(drop)
+        })?;
+        let pieces = field.save_units(&dir.join(CHECKPOINT_FOLDER), &checkpoint::stem(state.completed_steps));
+        recorder.write(|_| checkpoint::write(dir, identity, state, written, field.sites().saved(), pieces?))
+    }
+}
+
+/// Returns true if the ranks can no longer exchange messages.
+fn is_final<F: std::error::Error>(reason: &StepFailure<TissueFieldError, F>) -> bool {
+    let NewtonError::Problem(EquilibriumError::PointField(error)) = reason else { return false };
+    matches!(error, TissueFieldError::Ranks(_))
 }
 
 fn other_rank(reason: impl ToString) -> ResultsError {
