@@ -35,6 +35,16 @@ pub trait Progress {
 
     /// Called after an attempt has failed; the increment is then halved, if there are halvings left.
     fn failed(&mut self, cut: &Cut);
+
+    /// Called after a checkpoint of a load step has been written.
+    fn saved(&mut self, step: usize) {
+        let _ = step;
+    }
+
+    /// Returns true if the run is to end before its next load step, with a checkpoint.
+    fn is_interrupted(&self) -> bool {
+        false
+    }
 }
 
 /// Ignores progress.
@@ -285,6 +295,16 @@ impl<'a> Recorder<'a> {
         let path = self.dir.join(&file);
         failed.dump.write(&path).map_err(ResultsError::write(&path))?;
         Ok(file)
+    }
+
+    /// Reports that a checkpoint has been written.
+    pub fn saved(&mut self, step: usize) {
+        self.progress.saved(step);
+    }
+
+    /// Returns true if the run is to end before its next load step.
+    pub fn is_interrupted(&self) -> bool {
+        self.progress.is_interrupted()
     }
 
     /// Returns the dump of the RVE that made the last attempt fail, if one did.

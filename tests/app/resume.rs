@@ -1,6 +1,8 @@
 //! A run that was interrupted and resumed gives the results of an uninterrupted run.
 
+mod intervals;
 mod left_behind;
+mod pieces;
 
 use std::collections::BTreeMap;
 use std::fs;

@@ -29,11 +29,11 @@ fn replaced(text: &str, before: &str, after: &str) -> String {
     text.replace(before, after)
 }
 
-fn with_scales(text: &str, (above, below): (usize, usize)) -> String {
+pub fn with_scales(text: &str, (above, below): (usize, usize)) -> String {
     format!("{text}\n[scales]\nmacro = {above}\nmicro = {below}\n")
 }
 
-fn read(folder: &Path, name: &str) -> String {
+pub fn read(folder: &Path, name: &str) -> String {
     std::fs::read_to_string(folder.join(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
 }
 
@@ -154,7 +154,7 @@ fn an_interrupted_run_is_resumed_on_another_number_of_ranks() {
 
 /// Returns a case whose RVEs are created where the body is strained, sleep where the strain does not change, and are
 /// deleted where the strain is large.
-fn with_life_cycles() -> String {
+pub fn with_life_cycles() -> String {
     let matrix = "matrix = { model = \"neo-hookean\", shear_modulus = 1000.0, poisson_ratio = 0.3 }";
     let life = "life = { created_at = 0.025, asleep_below = 2e-3, deleted_at = 0.17 }";
     let text = fibers(&frozen()).replace("law = {", &format!("{matrix}\n{life}\nlaw = {{"));

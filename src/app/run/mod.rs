@@ -258,8 +258,8 @@ impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
                 recorder.write(|recorder| recorder.write_last(steps, t, mesh, state, field))?;
                 Some(error.to_string())
             }
-            // If results cannot be written, the end of the log cannot either.
-            Err(RunError::Results(_)) => return outcome,
+            // If results cannot be written, the end of the log cannot either; an interrupted run has no end.
+            Err(RunError::Results(_) | RunError::Interrupted(_)) => return outcome,
         };
         let end = Event::End(End { converged: reason.is_none(), reason, steps, seconds });
         recorder.write(|recorder| recorder.log(&end))?;
@@ -283,8 +283,8 @@ impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
         }
     }
 
-    /// Takes the remaining steps, with a checkpoint after every `[output] checkpoint` steps and the last one; returns a
-    /// summary without the wall time.
+    /// Takes the remaining steps, with a checkpoint after every `[output] checkpoint` steps and at the end of the run;
+    /// returns a summary without the wall time.
     fn take_steps(
         &mut self,
         dir: &Path,
@@ -312,9 +312,13 @@ impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
                 }
             }
             let step = self.stepper.completed_steps();
-            if step.is_multiple_of(self.case.output.checkpoint) || step == count {
+            let is_interrupted = step < count && recorder.is_interrupted()?;
+            if is_interrupted || step.is_multiple_of(self.case.output.checkpoint) || step == count {
                 self.write_checkpoint(dir, recorder, &identity)?;
                 saved = step;
+            }
+            if is_interrupted {
+                return Err(RunError::Interrupted(step));
             }
         }
         Ok(summary)
@@ -335,7 +339,12 @@ impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
             checkpoint::create_folder(dir).map(drop)
         })?;
         let pieces = field.save_units(&dir.join(CHECKPOINT_FOLDER), &checkpoint::stem(state.completed_steps));
-        recorder.write(|_| checkpoint::write(dir, identity, state, written, field.sites().saved(), pieces?))
+        recorder.write(|recorder| {
+            let step = state.completed_steps;
+            checkpoint::write(dir, identity, state, written, field.sites().saved(), pieces?)?;
+            recorder.saved(step);
+            Ok(())
+        })
     }
 }
 
