@@ -56,7 +56,8 @@ impl KilledRun {
     fn arguments(&self, out: &str, scales: Scales, options: &str) -> Vec<String> {
         let name = format!("case-{}-{}.toml", scales.0, scales.1);
         write_case(self.folder.path(), &name, &with_scales(&self.text, scales));
-        format!("run {name} --backend sparse --out {out} {options}").split_whitespace().map(str::to_owned).collect()
+        let backend = if options.contains("--backend") { "" } else { "--backend sparse" };
+        format!("run {name} {backend} --out {out} {options}").split_whitespace().map(str::to_owned).collect()
     }
 
     /// Sets the environment that kills a process at an operation on the checkpoint of step 9.
@@ -188,4 +189,67 @@ fn a_disk_that_is_full_at_any_write_of_a_checkpoint_leaves_one() {
         failures += 1;
     }
     assert!(failures > 20, "{failures}");
+}
+
+/// One of the processes of an MPI run is killed.
+#[cfg(feature = "mpi")]
+mod processes {
+    use super::*;
+    use crate::ranks::processes::{launched, one_at_a_time};
+
+    impl KilledRun {
+        fn launch(&self, out: &str, scales: Scales, options: &str, killed: Option<(usize, usize)>) -> Ended {
+            let arguments = self.arguments(out, scales, options).join(" ");
+            let mut command = launched(self.folder.path(), scales.0 + scales.1, &arguments);
+            if let Some((rank, operation)) = killed {
+                self.kill(&mut command, operation);
+                command.env("KILL_RANK", rank.to_string());
+            }
+            Ended(command.output().unwrap())
+        }
+    }
+
+    /// Kills the first process of the body and the last one of the RVEs at some of their operations, and resumes the run
+    /// on both splits; `compare` compares the loads with those of the uninterrupted run.
+    fn kill_processes(backend: &str, splits: [Scales; 2], compare: impl Fn(&str, &str)) {
+        let _turn = one_at_a_time();
+        let Some(killed) = KilledRun::new() else { return };
+        let whole = read(killed.folder.path(), "whole/loads.csv");
+        let options = format!("--resume --backend {backend}");
+        killed.launch("begun", splits[0], &format!("--backend {backend}"), Some((0, 1)));
+        let begun = killed.checkpoints("begun");
+        assert!(begun.iter().any(|name| name == "step-00008.bin"), "{begun:?}");
+        // The other ranks may have written their pieces, whose removal would count.
+        let unfinished = begun.iter().filter(|name| name.contains("step-00009"));
+        unfinished.for_each(|name| std::fs::remove_file(killed.path("begun/checkpoint").join(name)).unwrap());
+        let last = splits[0].0 + splits[0].1 - 1;
+        let mut steps = Vec::new();
+        for (rank, operation) in [(0, 1), (0, 4), (0, 6), (0, 7), (0, 8), (0, 10), (last, 1), (last, 3), (last, 5)] {
+            killed.copy("begun", "killed");
+            let ended = killed.launch("killed", splits[0], &options, Some((rank, operation)));
+            assert!(!ended.0.status.success(), "{rank} {operation}: {}", ended.stderr());
+            let files = killed.checkpoints("killed");
+            let step = if files.iter().any(|name| name == "step-00009.bin") { 9 } else { 8 };
+            steps.push(step);
+            for split in splits {
+                let what = format!("rank {rank} killed at operation {operation}, resumed on {split:?}");
+                killed.copy("killed", "resumed");
+                let message = killed.launch("resumed", split, &options, None).unwrap_done();
+                assert!(message.contains(&format!("continuing after step {step} of 10")), "{what}: {message}");
+                compare(&read(killed.folder.path(), "resumed/loads.csv"), &whole);
+            }
+        }
+        assert!(steps.contains(&8) && steps.contains(&9), "{steps:?}");
+    }
+
+    #[test]
+    fn a_run_on_processes_killed_at_a_write_of_a_checkpoint_is_resumed() {
+        kill_processes("sparse", [(1, 3), (2, 2)], |found, whole| assert_eq!(found, whole));
+    }
+
+    #[cfg(feature = "petsc")]
+    #[test]
+    fn a_run_on_petsc_killed_at_a_write_of_a_checkpoint_is_resumed() {
+        kill_processes("petsc", [(2, 2), (1, 1)], crate::ranks::processes::assert_same_to_rounding);
+    }
 }

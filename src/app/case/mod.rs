@@ -373,6 +373,11 @@
 //! as those of a result file. Each value must be in the range of the number that it replaces. `biotissue check` prints
 //! the range of every field. [`crate::app::material_fields`] evaluates fields.
 //!
+//! # Checkpoints
+//! The state of the run is written after every `checkpoint` steps, after the last one, and after the last converged step
+//! of a run that fails ([`crate::app::checkpoint`]). A run that is killed continues with the step after its last
+//! checkpoint, and repeats up to `checkpoint` steps.
+//!
 //! # Restrictions
 //!
 //! * A surface may appear in several boundaries and a node in several points, but each component is prescribed once: by

@@ -3,22 +3,13 @@ use std::fs;
 use nalgebra::Matrix3;
 
 use super::*;
-use crate::app::case::Case;
-use crate::app::macro_scale;
 use crate::backends::sparse::Sparse;
 use crate::checksum::Fnv;
+use crate::fem::mesh::shapes::cuboid;
 use crate::fem::point_field::{PointField, PointResponses};
-use crate::fiber::rve::Rve;
+use crate::fiber::rve::{Rve, StressScale};
+use crate::tissue::materials::{FiberRve, Materials, NetworkAssignment, Region, RegionMaterial, RveLifecycle};
 use crate::tissue::micro_scale::{FieldRestoreError, TissueField, TissueMaterial};
-
-/// A cube with one network in each of its six elements.
-const CASE: &str = r#"
-[mesh]
-generate = { shape = "box", cells = [1, 1, 1], size = [1.0, 1.0, 1.0] }
-[[region]]
-name = "*"
-material = { model = "fiber-rve", networks = ["NETWORK"], scale = "raw" }
-"#;
 
 /// Returns the material of the cube after a step in which each element was stretched by another amount.
 fn stretched() -> TissueField<Sparse> {
@@ -30,12 +21,21 @@ fn stretched() -> TissueField<Sparse> {
     field
 }
 
+/// Returns the material of a cube with a network in each of its six elements.
 fn at_rest() -> TissueField<Sparse> {
     let network = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/networks/frozen.txt");
-    let text = CASE.replace("NETWORK", network.to_str().unwrap());
-    let case = Case::parse(&text, Path::new("/nowhere/cube.toml")).unwrap_or_else(|errors| panic!("{errors}")).case;
-    let (mesh, _) = macro_scale::mesh(&case).unwrap();
-    TissueField::new((), case.materials().unwrap(), &mesh).unwrap().0
+    let rve = FiberRve {
+        networks: vec![network],
+        assignment: NetworkAssignment::Cycle,
+        seed: 0,
+        scale: StressScale::Raw,
+        law: None,
+        matrix: None,
+        lifecycle: RveLifecycle::default(),
+    };
+    let region = Region { name: "*".into(), material: RegionMaterial::FiberRve(rve) };
+    let materials = Materials { regions: vec![region], ..Materials::default() };
+    TissueField::new((), materials, &cuboid([1, 1, 1], [1.0; 3]).unwrap()).unwrap().0
 }
 
 fn states(field: &TissueField<Sparse>) -> Vec<(u64, UnitState)> {
