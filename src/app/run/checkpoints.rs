@@ -50,7 +50,7 @@ impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
             let (checkpoint, remarks) = found?;
             let step = checkpoint.as_ref().map_or(0, |checkpoint| checkpoint.state.completed_steps);
             agreed.and_then(|()| writers.agree_on(step)).map_err(ResumeError::OtherRank)?;
-            let Some(checkpoint) = checkpoint else { return damaged.map_or(Ok(None), |error| Err(error)) };
+            let Some(checkpoint) = checkpoint else { return damaged.map_or(Ok(None), Err) };
             match self.stepper.field().verify_pieces(checkpoint.folder(), &checkpoint.pieces) {
                 Ok(()) => {
                     warnings.extend(remarks);

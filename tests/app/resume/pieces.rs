@@ -14,6 +14,9 @@ use super::{
     CASE, assert_same, checkpoint_files, checkpoints, command, contents, copy, resume, simulation, whole_and_killed,
 };
 
+/// A part of the warning, and the change that causes it.
+type Change<'a> = (&'a str, &'a dyn Fn(&Path));
+
 fn piece(dir: &Path, step: usize) -> PathBuf {
     dir.join(format!("checkpoint/step-{step:05}-part-0000.bin"))
 }
@@ -23,7 +26,7 @@ fn piece(dir: &Path, step: usize) -> PathBuf {
 fn a_run_is_resumed_from_the_checkpoint_before_one_with_a_damaged_piece() {
     let root = tempfile::tempdir().unwrap();
     let (whole, killed) = whole_and_killed(root.path());
-    let changes: [(&str, &dyn Fn(&Path)); 4] = [
+    let changes: [Change<'_>; 4] = [
         ("is missing", &|path| fs::remove_file(path).unwrap()),
         ("damaged: its ", &|path| {
             let mut bytes = fs::read(path).unwrap();
