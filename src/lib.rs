@@ -110,6 +110,8 @@ pub mod input;
 pub mod las;
 pub mod output;
 mod parallel;
+#[cfg(feature = "app")]
+mod sealed_file;
 #[cfg(test)]
 #[path = "../tests/support/skip.rs"]
 mod skip;

@@ -40,6 +40,16 @@ pub trait Progress {
     fn iterating(&mut self, iteration: &Iterating<'_>) {
         let _ = iteration;
     }
+
+    /// Called after a checkpoint of a load step has been written.
+    fn saved(&mut self, step: usize) {
+        let _ = step;
+    }
+
+    /// Returns true if the run is to end before its next load step, with a checkpoint.
+    fn is_interrupted(&self) -> bool {
+        false
+    }
 }
 
 /// Ignores progress.
@@ -116,7 +126,7 @@ impl<'a> Recorder<'a> {
                 let known: Vec<Entry> = written.fields.iter().map(FieldFile::entry).collect();
                 (
                     LoadsWriter::resume(&loads_file, names, progress.steps)?,
-                    LogWriter::resume(&log_file)?,
+                    LogWriter::resume(&log_file, progress.steps)?,
                     Collection::resume(dir.join(FIELDS_FILE), progress.t(), &known)?,
                 )
             }
@@ -132,6 +142,11 @@ impl<'a> Recorder<'a> {
         };
         let listed = fields.entries().iter().map(|entry| FieldFile::new(dir, entry.time, &entry.file));
         let written = listed.collect::<Result<_, ResultsError>>()?;
+        let networks = NetworkFiles::open(dir, rves, mesh.points(), resumed.map(|on| on.progress))?;
+        if let Some(on) = resumed {
+            // No collection lists them any more.
+            results::clear_after(dir, on.progress.steps)?;
+        }
         Ok(Self {
             dir: dir.to_owned(),
             every: case.output.every,
@@ -139,7 +154,7 @@ impl<'a> Recorder<'a> {
             log,
             fields,
             points: case.output.points.then_some(points),
-            networks: NetworkFiles::open(dir, rves, mesh.points(), resumed.map(|on| on.progress))?,
+            networks,
             volumes: mesh.point_volumes(),
             region_of: mesh.points().spread(mesh.region_of()),
             fibers: FormulaFibers::new(case, mesh),
@@ -285,6 +300,16 @@ impl<'a> Recorder<'a> {
         let path = self.dir.join(&file);
         failed.dump.write(&path).map_err(ResultsError::write(&path))?;
         Ok(file)
+    }
+
+    /// Reports that a checkpoint has been written.
+    pub fn saved(&mut self, step: usize) {
+        self.progress.saved(step);
+    }
+
+    /// Returns true if the run is to end before its next load step.
+    pub fn is_interrupted(&self) -> bool {
+        self.progress.is_interrupted()
     }
 
     /// Returns the dump of the RVE that made the last attempt fail, if one did.

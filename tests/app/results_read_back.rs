@@ -470,7 +470,7 @@ fn the_log_is_read_back_and_survives_an_interruption() {
     assert!(whole.lines().all(|line| line.starts_with("{\"event\":\"")));
 
     std::fs::write(&path, format!("{}{{\"event\":\"later\",\"x\":1}}\n{{\"event\":\"st", &whole)).unwrap();
-    let mut writer = LogWriter::resume(&path).unwrap();
+    let mut writer = LogWriter::resume(&path, 1).unwrap();
     writer.write(&events[0]).unwrap();
     let read = log::read(&path).unwrap();
     assert_eq!((&read[..5], &read[5], &read[6]), (&events[..], &Event::Unknown, &events[0]));

@@ -1,6 +1,8 @@
 //! A run that was interrupted and resumed gives the results of an uninterrupted run.
 
+mod intervals;
 mod left_behind;
+mod pieces;
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -123,7 +125,16 @@ fn assert_same(a: &Path, b: &Path) {
     }
 }
 
+/// Returns the main files of the checkpoints, after checking that each has its piece and that there are no other files.
 fn checkpoints(dir: &Path) -> Vec<String> {
+    let (mains, pieces): (Vec<String>, Vec<String>) =
+        checkpoint_files(dir).into_iter().partition(|name| !name.contains("-part-"));
+    let expected: Vec<String> = mains.iter().map(|name| name.replace(".bin", "-part-0000.bin")).collect();
+    assert_eq!(pieces, expected);
+    mains
+}
+
+fn checkpoint_files(dir: &Path) -> Vec<String> {
     let entries = fs::read_dir(dir.join("checkpoint")).unwrap();
     let mut names: Vec<String> = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
     names.sort();
@@ -171,7 +182,7 @@ fn a_run_is_resumed_from_the_checkpoint_before_a_damaged_one() {
     assert!(matches!(&resumed.warnings[..], [one] if one.contains("step-00002.bin: damaged")), "{resumed:?}");
     assert_same(&whole, &killed);
 
-    for name in checkpoints(&killed) {
+    for name in checkpoint_files(&killed) {
         fs::write(killed.join("checkpoint").join(name), b"BIOTISSU").unwrap();
     }
     let error = simulation(CASE).resume(&killed).unwrap_err();

@@ -71,3 +71,35 @@ fn an_rve_of_336_nodes_takes_less_than_12_kb() {
     assert!(counted <= 12_000.0, "{counted:.0} bytes");
     assert!((counted - reported).abs() < 0.02 * counted, "{counted:.0} counted, {reported:.0} reported");
 }
+
+/// Writing and reading a checkpoint holds one state at a time, besides an index.
+#[test]
+fn pieces_of_a_checkpoint_are_written_and_read_one_state_at_a_time() {
+    let dir = tempfile::tempdir().unwrap();
+    let network = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/networks/frozen.txt");
+    let case = Case::parse(&case(&network, 20), &dir.path().join("case.toml")).unwrap().case;
+    let (mesh, _) = macro_scale::mesh(&case).unwrap();
+    let new = || TissueField::<Sparse>::new((), case.materials().unwrap(), &mesh).unwrap().0;
+    let mut field = new();
+    let gradient = Matrix3::new(1.05, 0.01, 0.0, 0.0, 0.98, 0.0, 0.02, 0.0, 1.01);
+    field.update(&vec![gradient; mesh.elements().len()], &mut PointResponses::default()).unwrap();
+    field.commit().unwrap();
+    let peak_of = |work: &mut dyn FnMut()| {
+        let before = counting::in_use();
+        counting::start_peak();
+        work();
+        counting::peak() - before
+    };
+    let mut pieces = Vec::new();
+    let written = peak_of(&mut || pieces = field.save_units(dir.path(), "step-00001").unwrap());
+    let bytes = pieces[0].bytes as isize;
+    assert!(pieces[0].rves == 480 && bytes > 800_000, "{pieces:?}");
+    let verified = peak_of(&mut || field.verify_pieces(dir.path(), &pieces).unwrap());
+    let mut other = new();
+    let before = counting::in_use();
+    let restored = peak_of(&mut || other.restore_units(&field.sites().saved(), dir.path(), &pieces).unwrap());
+    let kept = counting::in_use() - before;
+    // The restored RVEs own predictions, which those at rest do not.
+    assert!(written < bytes / 8 && verified < bytes / 8, "{written} {verified} of {bytes}");
+    assert!(restored - kept < bytes / 4, "{restored} bytes at most, {kept} kept, of {bytes}");
+}

@@ -236,6 +236,41 @@ fn an_interrupted_run_prints_how_to_continue() {
     }
 }
 
+/// If checkpoints are not written after every step, an interrupted run first completes its step and writes one; a second
+/// interrupt ends it at once.
+#[test]
+fn an_interrupted_run_with_few_checkpoints_writes_one_more() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = format!("{}\n[output]\ncheckpoint = 1000\n", fibers(&frozen()).replace("count = 2", "count = 400"));
+    run(folder.path(), &text, "--out whole").done();
+    let whole = std::fs::read(folder.path().join("whole/loads.csv")).unwrap();
+    for options in ["", " --ranks 3"] {
+        let (mut child, stderr) = started(folder.path(), &format!("run case.toml --out out{options}"));
+        if is_ignored(child.id(), 2) {
+            crate::skip::skip("the tests were started with SIGINT ignored");
+            child.kill().unwrap();
+            return;
+        }
+        assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+        let message: Vec<String> = stderr.lines().map(Result::unwrap).collect();
+        assert_eq!(child.wait().unwrap().code(), Some(130), "{message:?}");
+        let interrupted: Vec<&str> =
+            message.iter().filter(|line| line.starts_with("interrupted: ")).map(String::as_str).collect();
+        let [first, last] = interrupted[..] else { panic!("{message:?}") };
+        assert!(first.starts_with("interrupted: the run ends after the current load step, with a checkpoint;"));
+        assert_eq!(
+            last,
+            "interrupted: the converged load steps are in out; the same command with --resume continues after them"
+        );
+        let rows = std::fs::read_to_string(folder.path().join("out/loads.csv")).unwrap().lines().count() - 1;
+        assert!(rows < 400, "the run was not interrupted");
+        let resumed = line(folder.path(), "run case.toml --out out --resume");
+        assert!(resumed.stderr.contains(&format!("continuing after step {rows} of 400")), "{}", resumed.stderr);
+        assert!(std::fs::read(folder.path().join("out/loads.csv")).unwrap() == whole);
+        std::fs::remove_dir_all(folder.path().join("out")).unwrap();
+    }
+}
+
 /// A signal may be ignored at the start, as under `nohup` or in the background of a script; the other signals still end
 /// the run with a message.
 #[test]

@@ -9,6 +9,7 @@ mod fields;
 mod files;
 #[path = "../support/hollow_box.rs"]
 mod hollow_box;
+mod killed;
 mod loads;
 mod messages;
 mod outputs;

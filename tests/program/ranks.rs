@@ -29,11 +29,11 @@ fn replaced(text: &str, before: &str, after: &str) -> String {
     text.replace(before, after)
 }
 
-fn with_scales(text: &str, (above, below): (usize, usize)) -> String {
+pub fn with_scales(text: &str, (above, below): (usize, usize)) -> String {
     format!("{text}\n[scales]\nmacro = {above}\nmicro = {below}\n")
 }
 
-fn read(folder: &Path, name: &str) -> String {
+pub fn read(folder: &Path, name: &str) -> String {
     std::fs::read_to_string(folder.join(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
 }
 
@@ -154,7 +154,7 @@ fn an_interrupted_run_is_resumed_on_another_number_of_ranks() {
 
 /// Returns a case whose RVEs are created where the body is strained, sleep where the strain does not change, and are
 /// deleted where the strain is large.
-fn with_life_cycles() -> String {
+pub fn with_life_cycles() -> String {
     let matrix = "matrix = { model = \"neo-hookean\", shear_modulus = 1000.0, poisson_ratio = 0.3 }";
     let life = "life = { created_at = 0.025, asleep_below = 2e-3, deleted_at = 0.17 }";
     let text = fibers(&frozen()).replace("law = {", &format!("{matrix}\n{life}\nlaw = {{"));
@@ -324,7 +324,7 @@ fn processes_need_a_build_with_mpi() {
 }
 
 #[cfg(feature = "mpi")]
-mod processes {
+pub mod processes {
     #[cfg(target_os = "linux")]
     use std::process::Stdio;
     use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -334,13 +334,13 @@ mod processes {
 
     /// Returns a lock that serializes the runs of this module, because more processes than cores only slow each other
     /// down.
-    fn one_at_a_time() -> MutexGuard<'static, ()> {
+    pub fn one_at_a_time() -> MutexGuard<'static, ()> {
         static LOCK: Mutex<()> = Mutex::new(());
         LOCK.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Returns a command that starts the program under `mpirun`.
-    fn launched(folder: &Path, ranks: usize, arguments: &str) -> Command {
+    pub fn launched(folder: &Path, ranks: usize, arguments: &str) -> Command {
         let launcher = std::env::var("MPIRUN").unwrap_or_else(|_| "mpirun".into());
         let mut command = Command::new(launcher);
         command
@@ -586,7 +586,7 @@ mod processes {
     /// Checks that forces agree to 1e-10 of the largest force of their step, and likewise areas, displacements,
     /// volumes, moments and rotations.
     #[cfg(feature = "petsc")]
-    fn assert_same_to_rounding(found: &str, expected: &str) {
+    pub fn assert_same_to_rounding(found: &str, expected: &str) {
         let numbers = |line: &str| -> Vec<f64> { line.split(',').map(|value| value.parse().unwrap()).collect() };
         let header = expected.lines().next().unwrap();
         assert_eq!((found.lines().next(), found.lines().count()), (Some(header), expected.lines().count()));

@@ -12,6 +12,8 @@ thread_local! {
     static CALLS: Cell<usize> = const { Cell::new(0) };
     /// Number of bytes allocated and not freed.
     static IN_USE: Cell<isize> = const { Cell::new(0) };
+    /// The maximum of `IN_USE` since the last call of [`start_peak`].
+    static PEAK: Cell<isize> = const { Cell::new(0) };
 }
 
 /// Returns the number of allocations of this thread.
@@ -24,9 +26,20 @@ pub fn in_use() -> isize {
     IN_USE.get()
 }
 
+/// Starts to record the peak of [`in_use`] on this thread.
+pub fn start_peak() {
+    PEAK.set(IN_USE.get());
+}
+
+/// Returns the most bytes in use at once since [`start_peak`].
+pub fn peak() -> isize {
+    PEAK.get()
+}
+
 fn count(calls: usize, bytes: isize) {
     CALLS.set(CALLS.get() + calls);
     IN_USE.set(IN_USE.get() + bytes);
+    PEAK.set(PEAK.get().max(IN_USE.get()));
 }
 
 // SAFETY: every call is passed to the system's allocator unchanged.

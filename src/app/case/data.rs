@@ -321,8 +321,17 @@ pub struct OutputCase {
     pub directory: PathBuf,
     /// Number of steps between two outputs of the fields; the last step is always written. 0: no fields.
     pub every: usize,
+    /// Number of steps between two checkpoints; the last step always has one.
+    pub checkpoint: usize,
     /// Whether the values at the integration points are written with the fields.
     pub points: bool,
     /// The elements whose deformed networks are written too.
     pub rve: ElementSelection,
+}
+
+impl Default for OutputCase {
+    fn default() -> Self {
+        let rve = ElementSelection::None;
+        Self { directory: PathBuf::new(), every: 1, checkpoint: 1, points: false, rve }
+    }
 }

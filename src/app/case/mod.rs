@@ -96,6 +96,7 @@
 //! [output]
 //! directory = "results"                    # default; relative to the case file
 //! every = 1                                # default; steps between two writings of the fields; 0: no fields
+//! checkpoint = 1                           # default; steps between two checkpoints
 //! points = false                           # default; or true: also the values at the integration points
 //! rve = "none"                             # default; or "all", or ids of elements, such as [0, 17]
 //! "#;
@@ -371,6 +372,11 @@
 //! missing. The cells of another `.vtu` file are those of the mesh in the same order, in mesh units or in meters, such
 //! as those of a result file. Each value must be in the range of the number that it replaces. `biotissue check` prints
 //! the range of every field. [`crate::app::material_fields`] evaluates fields.
+//!
+//! # Checkpoints
+//! The state of the run is written after every `checkpoint` steps, after the last one, and after the last converged step
+//! of a run that fails ([`crate::app::checkpoint`]). A run that is killed continues with the step after its last
+//! checkpoint, and repeats up to `checkpoint` steps.
 //!
 //! # Restrictions
 //!

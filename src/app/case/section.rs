@@ -253,12 +253,12 @@ pub(super) fn scales(root: &mut Table<'_>) -> ScalesCase {
 
 /// Reads the output settings. Warns if networks are requested but no region has any.
 pub(super) fn output(root: &mut Table<'_>, base: &Path, any_network: bool) -> OutputCase {
-    let mut output =
-        OutputCase { directory: base.join("results"), every: 1, points: false, rve: ElementSelection::None };
+    let mut output = OutputCase { directory: base.join("results"), ..OutputCase::default() };
     root.section("output", (), |table, ()| {
         let directory = table.get("directory").and_then(|value| value.text("a folder, relative to the case file"));
         output.directory = directory.map_or_else(|| output.directory.clone(), |directory| base.join(directory));
         output.every = table.integer("every", 0..=1_000_000).unwrap_or(1);
+        output.checkpoint = table.integer("checkpoint", 1..=1_000_000).unwrap_or(1);
         output.points = table.boolean("points").unwrap_or(false);
         output.rve = table.get("rve").and_then(|value| rve_output(&value)).unwrap_or(ElementSelection::None);
         if output.rve != ElementSelection::None && !any_network {

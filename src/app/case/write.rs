@@ -130,7 +130,11 @@ impl Case {
             ElementSelection::All => entry("rve", "all"),
             ElementSelection::Elements(ids) => entry("rve", ids),
         };
-        let entries = [path("directory", &output.directory), entry("every", output.every)];
+        let entries = [
+            path("directory", &output.directory),
+            entry("every", output.every),
+            entry("checkpoint", output.checkpoint),
+        ];
         let points = output.points.then(|| entry("points", true));
         section(&mut out, "[output]", entries.into_iter().chain(points).chain([rve]));
         out

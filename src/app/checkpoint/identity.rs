@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::app::case::{
-    Case, ElementSelection, Formula, FormulaCase, MeshSource, OutputCase, RegionMaterial, ScalesCase, formula_entries,
+    Case, Formula, FormulaCase, MeshSource, OutputCase, RegionMaterial, ScalesCase, formula_entries,
 };
 use crate::checksum::Fnv;
 use crate::fem::element::CellType;
@@ -112,7 +112,7 @@ fn text_of(case: &Case) -> String {
     let mut case = case.clone();
     case.title.clear();
     case.scales = ScalesCase::default();
-    case.output = OutputCase { directory: PathBuf::new(), every: 1, points: false, rve: ElementSelection::None };
+    case.output = OutputCase::default();
     // A run stays the same if its folder is moved; the content of the files is compared by hash.
     if let MeshSource::File(file) = &mut case.mesh {
         *file = name_of(file);

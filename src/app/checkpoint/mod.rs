@@ -1,16 +1,23 @@
 //! The last converged states of a run, from which it can resume: `checkpoint/` in the result directory.
 //!
-//! After every converged load step, the run writes `checkpoint/step-NNNNN.bin` atomically and removes all but the last
-//! two checkpoints. The results of a resumed run are bit for bit those of an uninterrupted one.
+//! A checkpoint consists of a main file, `checkpoint/step-NNNNN.bin`, and of pieces, `checkpoint/step-NNNNN-part-RRRR.bin`.
+//! Each rank that solves RVEs writes their states to a piece of its own, so that no rank ever holds the states of all.
+//! When every rank has reported that its piece is on the disk, the first rank of the body writes the main file, which
+//! lists the pieces with their hashes. A checkpoint exists from then on; without main file, its pieces are ignored. Only
+//! then all but the last two checkpoints are removed. Every file is replaced atomically: a run that is killed at any
+//! moment leaves at least one complete checkpoint, except before its first. The next run removes pieces without main file.
+//!
+//! The results of a resumed run are bit for bit those of an uninterrupted one. It may have another number of ranks: each
+//! reads the states of its RVEs from the pieces that contain them.
 //!
 //! | module | holds |
 //! |---|---|
 //! | this one | writing, removing and finding checkpoints |
-//! | `file` | the frame of the file: version and hash |
-//! | `record` | the content: displacements, halvings, description of the results so far, states of all RVEs |
+//! | `record` | the content of the main file: displacements, halvings, life cycles, results so far, list of the pieces |
 //! | `identity` | the case, mesh and networks that the content belongs to |
+//!
+//! [`Piece`] describes the pieces; `crate::sealed_file` is the frame of both kinds of files: version and hash.
 
-mod file;
 mod identity;
 mod record;
 #[cfg(all(test, feature = "sparse"))]
@@ -27,7 +34,8 @@ pub use identity::{Identity, Mismatch};
 use super::results::{CHECKPOINT_FOLDER, ResultsError, ResultsRecord, names_in, remove_as};
 use crate::fem::stepping::SavedState;
 use crate::output;
-use crate::tissue::micro_scale::{RveStatus, SerializeIter, TissueMaterial, UnitState};
+use crate::sealed_file::{self, SealError, VERSION};
+use crate::tissue::micro_scale::{Piece, PieceError, SavedSites, piece_stem};
 use record::Record;
 
 /// Number of checkpoints kept: the last one, and the one before in case the last is damaged.
@@ -36,16 +44,23 @@ const CHECKPOINTS_KEPT: usize = 2;
 /// A state from which a run can resume.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Checkpoint {
-    /// The file.
+    /// The main file.
     pub path: PathBuf,
     /// The state of the body and of load stepping.
     pub state: SavedState,
-    /// The status of the RVE of every element.
-    pub statuses: Vec<RveStatus>,
-    /// The states of the RVEs that exist.
-    pub units: Vec<UnitState>,
+    /// The life cycles of the RVEs.
+    pub sites: SavedSites,
+    /// The files with the states of the RVEs that exist.
+    pub pieces: Vec<Piece>,
     /// The results that the run had written until then.
     pub written: ResultsRecord,
+}
+
+impl Checkpoint {
+    /// Returns the folder of the pieces.
+    pub fn folder(&self) -> &Path {
+        self.path.parent().unwrap_or(Path::new(""))
+    }
 }
 
 /// The reason why a run cannot resume from the checkpoints in its directory.
@@ -57,6 +72,9 @@ pub enum CheckpointError {
     /// The content of the file is not as it was written: the defect.
     #[error("{0}: damaged: {1}")]
     Damaged(PathBuf, String),
+    /// A piece cannot be used.
+    #[error(transparent)]
+    Piece(#[from] PieceError),
     /// The file has another version of the format.
     #[error("{}: has version {found} of the format; this program reads version {expected}", path.display())]
     Version {
@@ -76,8 +94,14 @@ impl CheckpointError {
     /// Returns advice for the user.
     pub fn cure(&self) -> &'static str {
         match self {
-            Self::Unreadable { .. } => "check the permissions, or start again without resuming",
-            Self::Damaged { .. } => "start again without resuming: that replaces the results",
+            Self::Unreadable { .. } | Self::Piece(PieceError::Unreadable { .. }) => {
+                "check the permissions, or start again without resuming"
+            }
+            Self::Piece(PieceError::Missing(_)) => {
+                "put that file back, or start again without resuming: that replaces the results"
+            }
+            Self::Piece(PieceError::Ranks(_)) => "see the error of that rank",
+            Self::Damaged { .. } | Self::Piece(_) => "start again without resuming: that replaces the results",
             Self::Version { .. } => {
                 "continue with the version of biotissue that wrote it, or start again without resuming"
             }
@@ -87,41 +111,74 @@ impl CheckpointError {
             }
         }
     }
+
+    /// Returns true if the file cannot be used, but another checkpoint may be.
+    fn is_of_file(&self) -> bool {
+        matches!(self, Self::Damaged { .. } | Self::Unreadable { .. } | Self::Piece(_))
+    }
 }
 
-/// Writes the state of a run after a full step into the result directory `dir`, with the description of the results
-/// `written` before, which must be on disk, and removes all but the last checkpoints.
+/// Creates the folder of the checkpoints in the result directory `dir`; returns it.
 ///
 /// # Errors
-/// Returns [`ResultsError::Write`] if a file cannot be written or removed.
+/// Returns [`ResultsError::Write`] if it cannot be created.
+pub fn create_folder(dir: &Path) -> Result<PathBuf, ResultsError> {
+    let folder = dir.join(CHECKPOINT_FOLDER);
+    fs::create_dir_all(&folder).map_err(ResultsError::write(&folder))?;
+    Ok(folder)
+}
+
+/// Returns the beginning of the names of all files of a checkpoint.
+pub fn stem(step: usize) -> String {
+    format!("step-{step:05}")
+}
+
+/// Writes the main file of a checkpoint into the result directory `dir`. The pieces and the results `written` must be on
+/// disk. Then removes all but the last checkpoints.
+///
+/// # Errors
+/// Returns [`ResultsError::Write`] if a file cannot be written or removed, or if this machine does not find a piece.
 pub fn write(
     dir: &Path,
     identity: &Identity,
     state: SavedState,
     written: ResultsRecord,
-    field: &impl TissueMaterial,
+    sites: SavedSites,
+    pieces: Vec<Piece>,
 ) -> Result<(), ResultsError> {
-    let folder = dir.join(CHECKPOINT_FOLDER);
-    fs::create_dir_all(&folder).map_err(ResultsError::write(&folder))?;
+    let folder = create_folder(dir)?;
+    pieces.iter().try_for_each(|piece| check_visible(&folder.join(&piece.file), piece.bytes))?;
     let completed_steps = state.completed_steps;
-    let (statuses, units) = (field.sites().statuses(), SerializeIter(|| field.unit_states()));
-    let record = Record { identity: identity.clone(), state, written, statuses, units };
-    file::write(&folder.join(file_name(completed_steps)), &record)?;
+    let record = Record { identity: identity.clone(), state, written, sites, pieces };
+    let path = folder.join(file_name(completed_steps));
+    sealed_file::write(&path, |out| postcard::to_io(&record, out).map(drop).map_err(io::Error::other))
+        .map_err(ResultsError::write(&path))?;
     output::sync_folder(&folder).map_err(ResultsError::write(&folder))?;
     keep_last(dir, completed_steps)
 }
 
-/// Removes all checkpoints of a result directory except the last ones up to step `completed_steps`, and all unfinished
-/// files.
+/// Checks that a piece of another rank has arrived in the folder that this machine sees.
+fn check_visible(path: &Path, bytes: u64) -> Result<(), ResultsError> {
+    let found = fs::File::open(path).and_then(|file| file.metadata()).map(|file| file.len());
+    match found {
+        Ok(found) if found == bytes => Ok(()),
+        _ => Err(ResultsError::write(path)(io::Error::other(
+            "a rank has written this file, but the first rank of the body does not find it: the result directory must \
+             be on a file system that all ranks share",
+        ))),
+    }
+}
+
+/// Removes all checkpoints of a result directory except the last ones up to step `completed_steps`, and all files of
+/// unfinished checkpoints.
 ///
 /// # Errors
 /// Returns [`ResultsError::Write`] if the folder cannot be read or a file cannot be removed.
 pub fn keep_last(dir: &Path, completed_steps: usize) -> Result<(), ResultsError> {
     let folder = dir.join(CHECKPOINT_FOLDER);
     let steps = steps_in(&folder).map_err(ResultsError::write(&folder))?;
-    let oldest_kept =
-        steps.iter().copied().filter(|&step| step <= completed_steps).nth(CHECKPOINTS_KEPT - 1).unwrap_or(0);
-    remove(&folder, |step| step < oldest_kept || step > completed_steps)
+    let kept: Vec<usize> = steps.into_iter().filter(|&step| step <= completed_steps).take(CHECKPOINTS_KEPT).collect();
+    remove_except(&folder, &kept)
 }
 
 /// Removes all checkpoints of a result directory.
@@ -129,21 +186,21 @@ pub fn keep_last(dir: &Path, completed_steps: usize) -> Result<(), ResultsError>
 /// # Errors
 /// Returns [`ResultsError::Write`] if the folder cannot be read or a file cannot be removed.
 pub fn clear(dir: &Path) -> Result<(), ResultsError> {
-    remove(&dir.join(CHECKPOINT_FOLDER), |_| true)
+    remove_except(&dir.join(CHECKPOINT_FOLDER), &[])
 }
 
-/// Returns the newest checkpoint of a result directory that is not damaged, `None` if there are no checkpoints, and
-/// warnings.
+/// Returns the newest checkpoint before step `before` whose main file is not damaged, `None` if there is none, and
+/// warnings. The pieces are not read.
 ///
 /// # Errors
-/// Returns [`CheckpointError`] if all checkpoints are damaged or unreadable, or if the newest undamaged one belongs to
-/// another run or version.
-pub fn latest(dir: &Path, now: &Identity) -> Result<(Option<Checkpoint>, Vec<String>), CheckpointError> {
+/// Returns [`CheckpointError`] if all checkpoints before this step are damaged or unreadable, or if the newest undamaged
+/// one belongs to another run or version.
+pub fn latest(dir: &Path, before: usize, now: &Identity) -> Result<(Option<Checkpoint>, Vec<String>), CheckpointError> {
     let folder = dir.join(CHECKPOINT_FOLDER);
     let steps = steps_in(&folder).map_err(|source| CheckpointError::Unreadable(folder.clone(), source))?;
     let mut warnings = Vec::new();
     let mut last = None;
-    for step in steps {
+    for step in steps.into_iter().filter(|&step| step < before) {
         let path = folder.join(file_name(step));
         match read(&path, now) {
             Ok((checkpoint, remarks)) => {
@@ -151,8 +208,8 @@ pub fn latest(dir: &Path, now: &Identity) -> Result<(Option<Checkpoint>, Vec<Str
                 warnings.extend(remarks.into_iter().map(|remark| format!("{changed}: {remark}")));
                 return Ok((Some(checkpoint), warnings));
             }
-            Err(error @ (CheckpointError::Damaged { .. } | CheckpointError::Unreadable { .. })) => {
-                warnings.push(format!("{error}; trying the one before"));
+            Err(error) if error.is_of_file() => {
+                warnings.push(trying_another(&error));
                 last = Some(error);
             }
             Err(error) => return Err(error),
@@ -161,14 +218,33 @@ pub fn latest(dir: &Path, now: &Identity) -> Result<(Option<Checkpoint>, Vec<Str
     last.map_or(Ok((None, warnings)), Err)
 }
 
+/// Returns the warning about a checkpoint that cannot be used.
+pub(in crate::app) fn trying_another(error: &CheckpointError) -> String {
+    format!("{error}; trying the one before")
+}
+
 fn read(path: &Path, now: &Identity) -> Result<(Checkpoint, Vec<String>), CheckpointError> {
-    let Record { identity, state, written, statuses, units }: Record = file::read(path)?;
+    let content = sealed_file::read(path).map_err(|error| match error {
+        SealError::Unreadable(source) => CheckpointError::Unreadable(path.into(), source),
+        SealError::Damaged(what) => CheckpointError::Damaged(path.into(), what),
+        SealError::Version(found) => CheckpointError::Version { path: path.into(), found, expected: VERSION },
+    })?;
+    let damaged = |what: String| CheckpointError::Damaged(path.into(), what);
+    let Record { identity, state, written, sites, pieces } = match postcard::take_from_bytes(&content) {
+        Ok((record, [])) => record,
+        Ok((_, rest)) => return Err(damaged(format!("{} bytes are left over", rest.len()))),
+        Err(error) => return Err(damaged(error.to_string())),
+    };
+    let of_this = |piece: &Piece| piece_stem(&piece.file) == Some(&stem(state.completed_steps));
+    if let Some(other) = pieces.iter().find(|piece| !of_this(piece)) {
+        return Err(damaged(format!("lists the piece {:?}", other.file)));
+    }
     let remarks = identity.check(now).map_err(|reason| CheckpointError::OtherRun(path.into(), reason))?;
-    Ok((Checkpoint { path: path.into(), state, statuses, units, written }, remarks))
+    Ok((Checkpoint { path: path.into(), state, sites, pieces, written }, remarks))
 }
 
 fn file_name(step: usize) -> String {
-    format!("step-{step:05}.bin")
+    format!("{}.bin", stem(step))
 }
 
 fn step_of(name: &str) -> Option<usize> {
@@ -176,14 +252,19 @@ fn step_of(name: &str) -> Option<usize> {
     (file_name(step) == name).then_some(step)
 }
 
-/// Returns true if `name` is the file name of a checkpoint.
-pub(in crate::app) fn is_file_name(name: &str) -> bool {
-    step_of(name).is_some()
+/// Returns the step of a checkpoint to whose pieces a file of this name belongs.
+fn step_of_piece(name: &str) -> Option<usize> {
+    step_of(&format!("{}.bin", piece_stem(name)?))
 }
 
-/// Returns true if a file, which may be truncated, begins like a checkpoint.
+/// Returns true if `name` is the name of a file of a checkpoint.
+pub(in crate::app) fn is_file_name(name: &str) -> bool {
+    step_of(name).or_else(|| step_of_piece(name)).is_some()
+}
+
+/// Returns true if a file, which may be truncated, begins like a file of a checkpoint.
 pub(in crate::app) fn is_begin(bytes: &[u8]) -> bool {
-    file::is_begin(bytes)
+    sealed_file::is_begin(bytes)
 }
 
 /// Returns the steps that have a checkpoint, newest first; empty if the folder does not exist.
@@ -193,7 +274,9 @@ fn steps_in(folder: &Path) -> io::Result<Vec<usize>> {
     Ok(steps)
 }
 
-/// Removes the checkpoints of the steps for which `unwanted` returns true, and all unfinished files.
-fn remove(folder: &Path, unwanted: impl Fn(usize) -> bool) -> Result<(), ResultsError> {
-    remove_as(folder, |name, unfinished| step_of(name).is_some_and(|step| unfinished || unwanted(step)))
+/// Removes all checkpoints except those of the steps `kept`, and all unfinished files. Main files are removed before
+/// pieces, so that none lists pieces that were removed.
+fn remove_except(folder: &Path, kept: &[usize]) -> Result<(), ResultsError> {
+    remove_as(folder, |name, unfinished| step_of(name).is_some_and(|step| unfinished || !kept.contains(&step)))?;
+    remove_as(folder, |name, unfinished| step_of_piece(name).is_some_and(|step| unfinished || !kept.contains(&step)))
 }

@@ -1,15 +1,12 @@
 use std::path::Path;
 
-use nalgebra::Matrix3;
-
 use super::*;
 use crate::app::case::Case;
 use crate::app::macro_scale;
 use crate::app::run::{ResumeError, Simulation};
 use crate::backends::sparse::Sparse;
 use crate::checksum::Fnv;
-use crate::fiber::rve::Rve;
-use crate::tissue::micro_scale::TissueField;
+use crate::tissue::micro_scale::{RveStatus, TissueField};
 
 /// A cube with one network in every element, and two load steps.
 const CASE: &str = r#"
@@ -38,7 +35,7 @@ fn simulation() -> Simulation<Sparse> {
     Simulation::new((), case()).unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// Returns a result directory with only the checkpoint of step 2, and the bytes of that checkpoint.
+/// Returns a result directory with only the checkpoint of step 2, and the bytes of its main file.
 fn directory() -> (tempfile::TempDir, PathBuf, Vec<u8>) {
     let dir = tempfile::tempdir().unwrap();
     simulation().run(dir.path(), &mut ()).unwrap_or_else(|error| panic!("{error}"));
@@ -56,30 +53,69 @@ fn sealed(body: &[u8]) -> Vec<u8> {
     [body, &hash.finish().to_le_bytes()].concat()
 }
 
-#[test]
-fn a_file_cut_short_anywhere_is_damaged() {
-    let (_dir, path, bytes) = directory();
-    assert!(file::read::<Record>(&path).is_ok());
-    for len in (0..bytes.len()).filter(|len| len % 41 == 0 || *len < 64 || bytes.len() - len < 64) {
-        fs::write(&path, &bytes[..len]).unwrap();
-        let error = file::read::<Record>(&path).err().unwrap();
-        assert!(matches!(error, CheckpointError::Damaged { .. }), "{len} bytes: {error}");
-    }
-    fs::write(&path, [&bytes[..], &[0]].concat()).unwrap();
-    assert!(file::read::<Record>(&path).is_err(), "a byte too many");
+/// Returns the newest checkpoint of the case in a directory.
+fn newest(dir: &Path) -> Result<Option<Checkpoint>, CheckpointError> {
+    let case = case();
+    let (mesh, _) = macro_scale::mesh(&case).unwrap();
+    let (field, _) = TissueField::<Sparse>::new((), case.materials().unwrap(), &mesh).unwrap();
+    latest(dir, usize::MAX, &Identity::new("sparse", &case, &mesh, &field)).map(|(found, _)| found)
 }
 
 #[test]
-fn a_changed_byte_anywhere_is_damage() {
-    let (_dir, path, bytes) = directory();
-    for at in (0..bytes.len()).filter(|at| at % 37 == 0 || *at < 64 || bytes.len() - at < 16) {
-        for flip in [0x01, 0x80, 0xff] {
-            let mut changed = bytes.clone();
-            changed[at] ^= flip;
-            fs::write(&path, &changed).unwrap();
-            let error = file::read::<Record>(&path).err().unwrap();
-            assert!(matches!(error, CheckpointError::Damaged { .. }), "byte {at}: {error}");
-        }
+fn a_checkpoint_lists_its_pieces() {
+    let (dir, path, _) = directory();
+    let found = newest(dir.path()).unwrap().unwrap();
+    assert_eq!(
+        (found.path.as_path(), found.folder(), found.state.completed_steps),
+        (&*path, path.parent().unwrap(), 2)
+    );
+    let [Piece { file, bytes, rves: 6, .. }] = &found.pieces[..] else { panic!("{:?}", found.pieces) };
+    assert_eq!(fs::metadata(found.folder().join(file)).unwrap().len(), *bytes);
+    assert_eq!(found.sites.statuses, [RveStatus::Awake; 6]);
+}
+
+#[test]
+fn a_main_file_cut_short_or_changed_anywhere_is_damaged() {
+    let (dir, path, bytes) = directory();
+    let damaged = |bytes: &[u8]| {
+        fs::write(&path, bytes).unwrap();
+        let error = newest(dir.path()).unwrap_err();
+        assert!(matches!(error, CheckpointError::Damaged { .. }), "{error}");
+    };
+    for at in (0..bytes.len()).filter(|at| at % 41 == 0 || bytes.len() - at < 10) {
+        damaged(&bytes[..at]);
+        let mut changed = bytes.clone();
+        changed[at] ^= 0x80;
+        damaged(&changed);
+    }
+    damaged(&[&bytes[..], &[0]].concat());
+}
+
+/// A machine that does not find the piece of a rank cannot resume either.
+#[test]
+fn a_piece_must_be_visible_to_the_rank_that_lists_it() {
+    let (dir, path, _) = directory();
+    let Checkpoint { state, sites, pieces, written, .. } = newest(dir.path()).unwrap().unwrap();
+    let case = case();
+    let (mesh, _) = macro_scale::mesh(&case).unwrap();
+    let (field, _) = TissueField::<Sparse>::new((), case.materials().unwrap(), &mesh).unwrap();
+    let identity = Identity::new("sparse", &case, &mesh, &field);
+    let piece = path.with_file_name(&pieces[0].file);
+    fs::rename(&piece, dir.path().join("elsewhere")).unwrap();
+    let error = write(dir.path(), &identity, state, written, sites, pieces).unwrap_err().to_string();
+    assert!(error.starts_with(piece.to_str().unwrap()) && error.contains("that all ranks share"), "{error}");
+}
+
+#[test]
+fn names_of_all_files_are_recognized() {
+    for (name, is_file) in [
+        ("step-00003.bin", true),
+        ("step-00003-part-0000.bin", true),
+        ("step-3-part-0000.bin", false),
+        ("step-3.bin", false),
+        ("other-part-0000.bin", false),
+    ] {
+        assert_eq!(is_file_name(name), is_file, "{name}");
     }
 }
 
@@ -117,50 +153,7 @@ fn another_version_of_the_format_is_named() {
     fs::write(&path, sealed(&body)).unwrap();
     let error = simulation().resume(dir.path()).unwrap_err();
     assert!(
-        matches!(error, ResumeError::Checkpoint(CheckpointError::Version { found: 7, expected: 6, .. })),
+        matches!(error, ResumeError::Checkpoint(CheckpointError::Version { found: 8, expected: 7, .. })),
         "{error}"
     );
-}
-
-#[test]
-fn a_state_that_does_not_fit_changes_nothing() {
-    let (dir, _, _) = directory();
-    let case = case();
-    let (mesh, _) = macro_scale::mesh(&case).unwrap();
-    let (mut field, _) = TissueField::<Sparse>::new((), case.materials().unwrap(), &mesh).unwrap();
-    let (found, _) = latest(dir.path(), &Identity::new("sparse", &case, &mesh, &field)).unwrap();
-    let Checkpoint { state, statuses, units, .. } = found.unwrap();
-    assert_eq!((state.completed_steps, units.len()), (2, 6));
-    let before: Vec<UnitState> = field.unit_states().collect();
-
-    let mut fewer = units.clone();
-    fewer.pop();
-    let mut bare = units.clone();
-    bare[4].rve = None;
-    let changed = |unit: usize, change: fn(&mut Matrix3<f64>, &mut Vec<[f64; 3]>)| {
-        let mut units = units.clone();
-        let rve = units[unit].rve.as_mut().unwrap();
-        let (mut gradient, mut interior) = (*rve.gradient(), rve.interior().to_vec());
-        change(&mut gradient, &mut interior);
-        *rve = Rve::restored(gradient, interior, None);
-        units
-    };
-    let short = changed(5, |_, interior| interior.truncate(2));
-    let lost = changed(1, |_, interior| interior[3][2] = f64::NAN);
-    let inverted = changed(2, |gradient, _| *gradient *= -1.0);
-    let cases = [
-        (fewer, "the state has 5 RVEs; this body has 6"),
-        (bare, "element 4 has no fibers in the saved state, but has some here"),
-        (short, "element 5: the state has positions of"),
-        (lost, "element 1: the position of interior node 3 is not a finite number"),
-        (inverted, "element 2: the deformation gradient has determinant -"),
-    ];
-    for (units, expected) in cases {
-        let error = field.restore_units(&statuses, units).unwrap_err().to_string();
-        assert!(error.starts_with(expected), "{error}");
-        assert!(field.unit_states().eq(before.iter().cloned()));
-    }
-    field.restore_units(&statuses, units.clone()).unwrap();
-    let after: Vec<UnitState> = field.unit_states().collect();
-    assert!(after.iter().zip(&units).all(|(a, b)| a.rve == b.rve && a.response == b.response));
 }

@@ -43,6 +43,16 @@ pub fn clear_unfinished(dir: &Path) -> Result<(), ResultsError> {
     remove_as(&dir.join(FAILED_RVE_FOLDER), |name, unfinished| unfinished && is_lost(name))
 }
 
+/// Removes the fields, integration points and networks of all steps after step `steps`, which a resumed run repeats.
+///
+/// # Errors
+/// Returns [`ResultsError::Write`] if a file cannot be removed.
+pub fn clear_after(dir: &Path, steps: usize) -> Result<(), ResultsError> {
+    let is_after = |name: &str| FileName::parse(name).and_then(FileName::step).is_some_and(|step| step > steps);
+    remove(dir, is_after)?;
+    remove(&dir.join(NETWORKS_FOLDER), is_after)
+}
+
 /// Returns true if `name` is that of a file of fields.
 fn is_fields(name: &str) -> bool {
     FileName::parse(name).is_some_and(FileName::is_fields)
@@ -118,6 +128,10 @@ mod tests {
         }
         clear_unfinished(dir.path()).unwrap();
         assert_eq!(names(dir.path()), sorted(&[&whole[..2], points, others]));
+        clear_after(dir.path(), 3).unwrap();
+        assert_eq!(names(dir.path()), sorted(&[&whole[..2], points, others]));
+        clear_after(dir.path(), 2).unwrap();
+        assert_eq!(names(dir.path()), sorted(&[&points[3..], others]));
         clear(dir.path()).unwrap();
         assert_eq!(names(dir.path()), sorted(&[others]));
     }

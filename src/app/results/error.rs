@@ -5,6 +5,8 @@ use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
+use crate::tissue::micro_scale::PieceError;
+
 /// A result file could not be written or read.
 #[derive(Debug, Error)]
 pub enum ResultsError {
@@ -65,6 +67,15 @@ pub enum ResultsError {
         /// Number of nodes.
         nodes: usize,
     },
+}
+
+impl From<PieceError> for ResultsError {
+    fn from(error: PieceError) -> Self {
+        match error {
+            PieceError::Write(path, what) => Self::Write(path, io::Error::other(what)),
+            other => Self::OtherRank(other.to_string()),
+        }
+    }
 }
 
 impl ResultsError {

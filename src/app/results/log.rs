@@ -1,5 +1,6 @@
 //! `log.jsonl`: the events of a run, one JSON object per line; `event` is the kind of event.
 
+use std::collections::HashSet;
 use std::fs::{File, OpenOptions};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -286,14 +287,15 @@ impl LogWriter {
     }
 
     /// Continues the log of an interrupted run after its last whole line; creates the log if it does not exist. Events
-    /// after the last checkpoint of the interrupted run stay in the log.
+    /// of steps that converged after step `steps`, which the run repeats, are removed. Those of a step that did not
+    /// converge stay.
     ///
     /// # Errors
     /// Returns [`ResultsError::Read`] or [`ResultsError::Damaged`] if the log cannot be read, [`ResultsError::Write`]
     /// if it cannot be written.
-    pub fn resume(path: &Path) -> Result<Self, ResultsError> {
+    pub fn resume(path: &Path, steps: usize) -> Result<Self, ResultsError> {
         if path.exists() {
-            replace(path, whole_lines(path)?.as_bytes())?;
+            replace(path, without_later_steps(&whole_lines(path)?, steps).as_bytes())?;
         }
         let file = OpenOptions::new().create(true).append(true).open(path).map_err(ResultsError::write(path))?;
         Ok(Self { path: path.into(), file })
@@ -316,6 +318,22 @@ impl LogWriter {
     pub fn sync(&self) -> Result<(), ResultsError> {
         self.file.sync_data().map_err(ResultsError::write(&self.path))
     }
+}
+
+/// Returns the lines of a log without the events of steps that converged after step `steps`. A line that is not an
+/// event stays.
+fn without_later_steps(text: &str, steps: usize) -> String {
+    let step_of = |line: &str| match serde_json::from_str(line) {
+        Ok(Event::Step(Step { step, .. })) => Some((step, true)),
+        Ok(Event::Cut(Cut { step, .. }) | Event::Ranks(Ranks { step, .. })) => Some((step, false)),
+        _ => None,
+    };
+    let of_lines: Vec<Option<(usize, bool)>> = text.lines().map(step_of).collect();
+    let later = of_lines.iter().flatten().filter(|&&(step, converged)| converged && step > steps);
+    let later: HashSet<usize> = later.map(|&(step, _)| step).collect();
+    let is_kept = |of_line: &Option<(usize, bool)>| of_line.is_none_or(|(step, _)| !later.contains(&step));
+    let kept = text.split_inclusive('\n').zip(&of_lines).filter(|(_, of_line)| is_kept(of_line));
+    kept.map(|(line, _)| line).collect()
 }
 
 /// Reads a log. An unfinished last line is ignored.

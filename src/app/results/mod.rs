@@ -8,7 +8,7 @@
 //! | `loads.csv` | [`loads`] | one row per converged step |
 //! | `log.jsonl` | [`log`] | one line per event |
 //! | `rve/element-NNNNN.pvd` and the `.vtp` files it names | [`collection`], [`networks`] | with the fields, if requested |
-//! | `checkpoint/step-NNNNN.bin`, the last two | [`super::checkpoint`] | at every converged step |
+//! | `checkpoint/step-NNNNN.bin` and its pieces, the last two | [`super::checkpoint`] | at every converged step, or as often as the case says |
 //! | `case.toml` | [`super::case`] | at the beginning: the case as run, defaults filled in |
 //!
 //! A run that fails within a step also writes the last state it reached there, under the name of the last full step
@@ -39,7 +39,7 @@ mod replace;
 mod vtk;
 mod vtk_cells;
 
-pub use clear::{clear, clear_unfinished};
+pub use clear::{clear, clear_after, clear_unfinished};
 pub(in crate::app) use clear::{failed_rve_file, remove_as};
 pub use collection::Collection;
 pub use error::ResultsError;

@@ -206,7 +206,7 @@ pub(in crate::app) fn is_report(path: &Path) -> Result<bool, ResultsError> {
 }
 
 /// Returns the evidence that `dir`, which has no checkpoint, holds results nevertheless: a file and its content. A run
-/// that was interrupted within its first step leaves no such evidence: resuming repeats that step.
+/// of the same case that was interrupted before its first checkpoint leaves no such evidence: resuming repeats its steps.
 ///
 /// # Errors
 /// Returns [`ResultsError::Read`] or [`ResultsError::Damaged`] if the loads, the log or a folder cannot be read.
@@ -219,17 +219,19 @@ pub(in crate::app) fn results_without_checkpoint(
     let events = if log.exists() { log::read(&log)? } else { Vec::new() };
     let same_case = || fs::read_to_string(dir.join(CASE_FILE)).is_ok_and(|text| text == case_copy(case));
     let begun = events.iter().any(|event| matches!(event, Event::Start(_)));
-    if rows > 1 || rows == 1 && !(begun && same_case()) {
-        return Ok(Some((loads, format!("{rows} load step{}", if rows == 1 { "" } else { "s" }))));
+    // The first checkpoint is written after the row of its step.
+    let repeated = if begun && same_case() { case.output.checkpoint } else { 0 };
+    let holds = |steps: usize| format!("{steps} load step{}", if steps == 1 { "" } else { "s" });
+    if rows > repeated {
+        return Ok(Some((loads, holds(rows))));
     }
-    let beyond = events.iter().filter_map(|event| match event {
-        Event::Step(step) if step.step > 1 => Some(step.step),
-        Event::End(end) if end.steps > 0 => Some(end.steps),
+    let in_log = events.iter().filter_map(|event| match event {
+        Event::Step(step) if step.step > repeated.max(1) => Some(step.step),
+        Event::End(end) if end.steps >= repeated.max(1) => Some(end.steps),
         _ => None,
     });
-    let beyond = beyond.max();
-    if let Some(steps) = beyond {
-        return Ok(Some((log, format!("{steps} load step{}", if steps == 1 { "" } else { "s" }))));
+    if let Some(steps) = in_log.max() {
+        return Ok(Some((log, holds(steps))));
     }
     for folder in [dir.to_owned(), dir.join(NETWORKS_FOLDER)] {
         for name in names_in(&folder).map_err(ResultsError::read(&folder))? {

@@ -5,9 +5,11 @@
 //! | `setup` | a case with all its input files, read and checked |
 //! | `problem_size` | the size of the problem before the solve |
 //! | this one | the run itself ([`Simulation`]) |
+//! | `checkpoints` | resuming from a checkpoint, and writing one |
 //! | `outcome` | the errors and the result of a run, and of resuming it |
 //! | `writers` | which process writes the results |
 
+mod checkpoints;
 mod outcome;
 mod problem_size;
 mod rank_writers;
@@ -25,14 +27,15 @@ pub use writers::WriterGroup;
 
 use self::writers::AgreedRecorder;
 use super::case::Case;
-use super::checkpoint::{self, Checkpoint, Identity};
+use super::checkpoint::Identity;
 use super::recorder::{Progress, Recorder, ResumePoint};
 use super::results::log::{End, Event, Start};
 use super::results::{self, DirectoryLock, ResultsError, ResultsRecord, RunProgress};
+use crate::fem::equilibrium::EquilibriumError;
 use crate::fem::mesh::Mesh;
-use crate::fem::stepping::{Stepper, SteppingError};
-use crate::las::RealBackend;
-use crate::tissue::micro_scale::{TissueField, TissueMaterial};
+use crate::fem::stepping::{StepFailure, Stepper, SteppingError};
+use crate::las::{NewtonError, RealBackend};
+use crate::tissue::micro_scale::{TissueField, TissueFieldError, TissueMaterial};
 
 /// A body and its networks, set up to step through the loads.
 ///
@@ -125,51 +128,6 @@ impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
         outcome
     }
 
-    fn restore(&mut self, writers: &dyn WriterGroup, dir: &Path) -> Result<Resumed, ResumeError<B::Error>> {
-        // A directory that does not exist cannot be locked.
-        let mut warnings = match dir.exists() {
-            true => self.take_directory(writers, dir)?,
-            false => writers.agree(Ok(())).map(|()| Vec::new())?,
-        };
-        let found = checkpoint::latest(dir, &self.identity());
-        // A process that continues would wait for those that do not.
-        let agreed = writers.agree(found.as_ref().map(|_| ()).map_err(other_rank));
-        let (checkpoint, remarks) = found?;
-        warnings.extend(remarks);
-        let step = checkpoint.as_ref().map_or(0, |checkpoint| checkpoint.state.completed_steps);
-        agreed.and_then(|()| writers.agree_on(step)).map_err(ResumeError::OtherRank)?;
-        let Some(Checkpoint { path, state, statuses, units, written }) = checkpoint else {
-            self.check_empty(writers, dir)?;
-            warnings.push(format!("{}: no checkpoint: starting from the beginning", dir.display()));
-            return Ok(Resumed { step: 0, warnings });
-        };
-        let progress = RunProgress { steps: state.completed_steps, of: self.stepper.count() };
-        warnings.extend(writers.on_writer(|| written.check(dir, progress))?);
-        let restored = self.stepper.restore(&state, |field| field.restore_units(&statuses, units));
-        restored.map_err(|reason| ResumeError::State(path, Box::new(reason)))?;
-        self.written = written;
-        // The cost of restoring is not part of the next step.
-        let _ = (self.stepper.field().take_stats(), self.stepper.field().take_times());
-        Ok(Resumed { step: state.completed_steps, warnings })
-    }
-
-    /// Checks that a directory without a checkpoint holds no results that a start from the beginning would remove.
-    fn check_empty(&self, writers: &dyn WriterGroup, dir: &Path) -> Result<(), ResumeError<B::Error>> {
-        let found = match writers.is_writer() {
-            true => results::results_without_checkpoint(dir, &self.case),
-            false => Ok(None),
-        };
-        let agreed = writers.agree(match &found {
-            Ok(None) => Ok(()),
-            Ok(Some((path, what))) => Err(other_rank(format!("{}: {what}, but no checkpoint", path.display()))),
-            Err(error) => Err(other_rank(error)),
-        });
-        match found? {
-            Some((path, what)) => Err(ResumeError::NoCheckpoint(path, what)),
-            None => Ok(agreed?),
-        }
-    }
-
     fn identity(&self) -> Identity {
         Identity::new(B::NAME, &self.case, self.stepper.mesh(), self.stepper.field())
     }
@@ -231,8 +189,8 @@ impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
                 recorder.write(|recorder| recorder.write_last(steps, t, mesh, state, field))?;
                 Some(error.to_string())
             }
-            // If results cannot be written, the end of the log cannot either.
-            Err(RunError::Results(_)) => return outcome,
+            // If results cannot be written, the end of the log cannot either; an interrupted run has no end.
+            Err(RunError::Results(_) | RunError::Interrupted(_)) => return outcome,
         };
         let end = Event::End(End { converged: reason.is_none(), reason, steps, seconds });
         recorder.write(|recorder| recorder.log(&end))?;
@@ -257,7 +215,8 @@ impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
         }
     }
 
-    /// Takes the remaining steps, with a checkpoint after each; returns a summary without the wall time.
+    /// Takes the remaining steps, with a checkpoint after every `[output] checkpoint` steps and at the end of the run;
+    /// returns a summary without the wall time.
     fn take_steps(
         &mut self,
         dir: &Path,
@@ -265,6 +224,7 @@ impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
     ) -> Result<RunSummary, RunError<B::Error>> {
         let identity = self.identity();
         let count = self.stepper.count();
+        let mut saved = self.stepper.completed_steps();
         let mut summary = RunSummary { steps: count, ..RunSummary::default() };
         while self.stepper.completed_steps() < count {
             match self.stepper.step(recorder) {
@@ -275,20 +235,32 @@ impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
                 }
                 Err(SteppingError::Stopped { reason, .. }) => return Err(reason.into()),
                 Err(SteppingError::NotConverged { step, reached, halvings, reason, .. }) => {
+                    // The run may be continued with other settings.
+                    if self.stepper.completed_steps() > saved && !is_final(&reason) {
+                        self.write_checkpoint(dir, recorder, &identity)?;
+                    }
                     let (reason, failed_rve) = (Box::new(reason), recorder.failed_rve());
                     return Err(RunError::NotConverged { step, count, reached, halvings, reason, failed_rve });
                 }
             }
-            // The checkpoint is written last, so that it never refers to results that do not exist.
-            if let Some(state) = self.stepper.saved() {
-                recorder.write(|recorder| {
-                    let written = recorder.flush()?;
-                    checkpoint::write(dir, &identity, state, written, self.stepper.field())
-                })?;
+            let step = self.stepper.completed_steps();
+            let is_interrupted = step < count && recorder.is_interrupted()?;
+            if is_interrupted || step.is_multiple_of(self.case.output.checkpoint) || step == count {
+                self.write_checkpoint(dir, recorder, &identity)?;
+                saved = step;
+            }
+            if is_interrupted {
+                return Err(RunError::Interrupted(step));
             }
         }
         Ok(summary)
     }
+}
+
+/// Returns true if the ranks can no longer exchange messages.
+fn is_final<F: std::error::Error>(reason: &StepFailure<TissueFieldError, F>) -> bool {
+    let NewtonError::Problem(EquilibriumError::PointField(error)) = reason else { return false };
+    matches!(error, TissueFieldError::Ranks(_))
 }
 
 fn other_rank(reason: impl ToString) -> ResultsError {

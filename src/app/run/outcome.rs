@@ -28,6 +28,9 @@ pub enum RunError<F: std::error::Error + 'static> {
         /// The file that reproduces the failure of an RVE, if that was the reason.
         failed_rve: Option<PathBuf>,
     },
+    /// The observer of the run has ended it after this load step, which has a checkpoint.
+    #[error("interrupted after load step {0}")]
+    Interrupted(usize),
     /// A result file could not be written.
     #[error(transparent)]
     Results(#[from] ResultsError),

@@ -28,6 +28,13 @@ impl<C: Comm> WriterGroup for RootWriter<'_, C> {
         self.comm.rank() == 0
     }
 
+    fn any(&self, condition: bool) -> Result<bool, ResultsError> {
+        self.check_connected()?;
+        let mut most = [f64::from(u8::from(condition))];
+        self.comm.max(&mut most).map_err(other_rank)?;
+        Ok(most[0] > 0.0)
+    }
+
     fn agree_on(&self, number: usize) -> Result<(), ResultsError> {
         self.check_connected()?;
         let mut span = [number as f64, -(number as f64)];
@@ -59,6 +66,7 @@ mod tests {
             let ranks = RootWriter { comm: &comm, broken: &broken };
             assert_eq!(ranks.is_writer(), comm.rank() == 0);
             assert!(ranks.agree(Ok(())).is_ok() && ranks.agree_on(7).is_ok());
+            assert!(ranks.any(comm.rank() == 2)? && !ranks.any(false)?);
             let own = if comm.rank() == 0 { Err(other_rank("the disk is full")) } else { Ok(()) };
             assert!(ranks.agree(own).is_err_and(|error| error.to_string().contains("the disk is full")));
             let other = ranks.agree_on(comm.rank());

@@ -18,6 +18,12 @@ pub trait WriterGroup {
     /// Returns this process's own error, or else that of the first process that has one.
     fn agree(&self, outcome: Result<(), ResultsError>) -> Result<(), ResultsError>;
 
+    /// Returns true on all processes if one of them passes true.
+    ///
+    /// # Errors
+    /// Returns [`ResultsError`] if the processes cannot communicate.
+    fn any(&self, condition: bool) -> Result<bool, ResultsError>;
+
     /// Checks that all processes pass the same number.
     ///
     /// # Errors
@@ -51,6 +57,10 @@ impl WriterGroup for () {
         outcome
     }
 
+    fn any(&self, condition: bool) -> Result<bool, ResultsError> {
+        Ok(condition)
+    }
+
     fn agree_on(&self, _: usize) -> Result<(), ResultsError> {
         Ok(())
     }
@@ -69,6 +79,12 @@ impl<'r> AgreedRecorder<'_, 'r> {
     ) -> Result<(), ResultsError> {
         let outcome = self.recorder.as_mut().map_or(Ok(()), write);
         self.writers.agree(outcome)
+    }
+
+    /// Returns true on all processes if the observer of the run wants it to end before its next load step.
+    pub(super) fn is_interrupted(&self) -> Result<bool, ResultsError> {
+        let is_interrupted = self.recorder.as_ref().is_some_and(Recorder::is_interrupted);
+        self.writers.any(is_interrupted)
     }
 
     pub(super) fn failed_rve(&self) -> Option<PathBuf> {

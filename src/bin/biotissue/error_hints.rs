@@ -10,7 +10,7 @@ use biotissue::app::run::{ResumeError, SimulationError};
 use biotissue::fem::equilibrium::EquilibriumError;
 use biotissue::fem::stepping::{SetupError, StepFailure};
 use biotissue::las::{NewtonError, SolveError};
-use biotissue::tissue::micro_scale::{LibraryError, PointFailureKind, TissueFieldError};
+use biotissue::tissue::micro_scale::{LibraryError, PieceError, PointFailureKind, TissueFieldError};
 
 use crate::failure::Failure;
 
@@ -168,9 +168,9 @@ pub fn not_resumed<F: std::error::Error + 'static>(error: ResumeError<F>) -> Fai
             "checkpoints that every rank of the body can read",
             "put the result directory where all machines see it",
         ),
-        ResumeError::Checkpoint(error @ CheckpointError::Unreadable { .. }) => {
-            Failure::environment(what, "checkpoints that can be read", error.cure())
-        }
+        ResumeError::Checkpoint(
+            error @ (CheckpointError::Unreadable { .. } | CheckpointError::Piece(PieceError::Unreadable { .. })),
+        ) => Failure::environment(what, "checkpoints that can be read", error.cure()),
         ResumeError::Checkpoint(error) => other_checkpoint(what, error.cure()),
         ResumeError::State { .. } => other_checkpoint(what, "start again without resuming: that replaces the results"),
     }

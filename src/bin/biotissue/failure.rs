@@ -6,6 +6,9 @@ use std::process::ExitCode;
 
 use biotissue::input::{InputError, InputErrors, printable};
 
+/// The exit code of an interrupted run.
+pub const INTERRUPTED: u8 = 130;
+
 /// The reason why a command failed.
 #[derive(Debug)]
 pub enum Failure {
@@ -13,6 +16,9 @@ pub enum Failure {
     Input(InputErrors),
     /// Another error with its exit code; `what` names the argument, the file or the component.
     General { code: u8, what: String, place: Option<String>, expected: String, cure: String },
+    /// A signal has ended the run, with this message: exit code 130, by shell convention that of a process ended by
+    /// Ctrl-C.
+    Interrupted(String),
     /// A rank that runs as a thread panicked and ended the others: exit code 101, as for any panic.
     Panicked(String),
 }
@@ -28,6 +34,7 @@ impl Failure {
         match self {
             Self::Input(_) => 2,
             Self::General { code, .. } => *code,
+            Self::Interrupted(_) => INTERRUPTED,
             Self::Panicked(_) => 101,
         }
     }
@@ -75,6 +82,7 @@ impl fmt::Display for Failure {
                 let at = place.as_ref().map_or_else(String::new, |place| format!("  at: {place}\n"));
                 format!("error: {what}\n{at}  expected: {expected}\n  cure: {cure}")
             }
+            Self::Interrupted(what) => what.clone(),
             Self::Panicked(what) => {
                 format!("error: {what}\n  expected: no panic\n  cure: report this as a bug, with the case")
             }

@@ -1,10 +1,10 @@
 //! Handling of runs interrupted by Ctrl-C, SIGTERM or SIGHUP.
 
 use std::io::{IsTerminal, Write};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::exit;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use indicatif::ProgressBar;
 #[cfg(unix)]
@@ -13,8 +13,8 @@ use signal_hook::{
     iterator::Signals,
 };
 
-/// The exit code after any of these signals: by shell convention, that of a process ended by Ctrl-C.
-const INTERRUPTED: i32 = 130;
+use crate::failure::INTERRUPTED;
+use crate::ranks::started_by_mpirun;
 
 /// The data of a run that the interrupt handler needs.
 #[derive(Clone)]
@@ -23,12 +23,19 @@ pub struct Interrupted {
     pub dir: PathBuf,
     /// Number of converged load steps.
     pub completed_steps: Arc<AtomicUsize>,
+    /// Number of load steps up to the last checkpoint.
+    pub saved_steps: Arc<AtomicUsize>,
+    /// Number of load steps between two checkpoints.
+    pub between_checkpoints: usize,
+    /// Set to end the run after its current load step.
+    pub is_interrupted: Arc<AtomicBool>,
     /// The progress bar on a terminal.
     pub bar: Option<ProgressBar>,
 }
 
 /// Ends this process at an interrupt with a message on how to continue. No cleanup is necessary: every result file is
-/// complete at any moment. A second interrupt ends the process even if that message cannot be written. Signals that the
+/// complete at any moment. If converged steps have no checkpoint yet, the run first completes its current step and writes
+/// one. A second interrupt ends the process at once, also if the message cannot be written. Signals that the
 /// process was started to ignore stay ignored, such as SIGHUP under `nohup`.
 #[cfg(unix)]
 pub fn watch(run: Interrupted) {
@@ -39,7 +46,7 @@ pub fn watch(run: Interrupted) {
         if signals.next().is_some() && std::thread::Builder::new().spawn(move || run.end()).is_ok() {
             signals.next();
         }
-        exit(INTERRUPTED);
+        exit(INTERRUPTED.into());
     };
     let _ = std::thread::Builder::new().spawn(wait);
 }
@@ -59,7 +66,18 @@ fn not_ignored() -> Vec<i32> {
 }
 
 impl Interrupted {
+    /// Returns true if a resumed run repeats at most the last converged step. Under `mpirun`, a run cannot continue to
+    /// its next checkpoint, because the signal has also ended the other ranks.
+    fn ends_at_once(&self, completed_steps: usize) -> bool {
+        self.between_checkpoints == 1
+            || completed_steps == self.saved_steps.load(Ordering::Relaxed)
+            || started_by_mpirun().is_some_and(|processes| processes > 1)
+    }
+
+    /// Ends the process, or makes the run end after its current step if converged steps would otherwise be repeated.
     fn end(&self) {
+        let completed_steps = self.completed_steps.load(Ordering::Relaxed);
+        let ends_at_once = self.ends_at_once(completed_steps);
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();
         }
@@ -69,14 +87,25 @@ impl Interrupted {
             // Shows the cursor, which the progress bar may have hidden.
             let _ = stderr.write_all(b"\x1b[?25h");
         }
-        let dir = self.dir.display();
-        let _ = match self.completed_steps.load(Ordering::Relaxed) {
-            0 => writeln!(stderr, "interrupted: no load step has converged yet"),
-            _ => writeln!(
+        if !ends_at_once {
+            let _ = writeln!(
                 stderr,
-                "interrupted: the converged load steps are in {dir}; the same command with --resume continues after them"
-            ),
+                "interrupted: the run ends after the current load step, with a checkpoint; a second interrupt ends it at \
+                 once, and --resume then repeats the steps after the last checkpoint"
+            );
+            self.is_interrupted.store(true, Ordering::Relaxed);
+            return;
+        }
+        let _ = match completed_steps {
+            0 => writeln!(stderr, "interrupted: no load step has converged yet"),
+            _ => writeln!(stderr, "{}", how_to_continue(&self.dir)),
         };
-        exit(INTERRUPTED);
+        exit(INTERRUPTED.into());
     }
+}
+
+/// Returns the message about an interrupted run with converged steps.
+pub fn how_to_continue(dir: &Path) -> String {
+    let dir = dir.display();
+    format!("interrupted: the converged load steps are in {dir}; the same command with --resume continues after them")
 }

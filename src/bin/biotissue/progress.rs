@@ -3,12 +3,14 @@
 use std::io::IsTerminal;
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use biotissue::app::Progress;
 use biotissue::app::results::log::{Cut, Step};
-use biotissue::app::run::ProblemSize;
+use biotissue::app::run::{ProblemSize, Simulation};
 use biotissue::fem::stepping::Iterating;
+use biotissue::las::RealBackend;
+use biotissue::tissue::micro_scale::TissueMaterial;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::interrupt::{self, Interrupted};
@@ -19,12 +21,18 @@ pub struct Reporter {
     bar: Option<ProgressBar>,
     count: usize,
     completed_steps: Arc<AtomicUsize>,
+    saved_steps: Arc<AtomicUsize>,
+    is_interrupted: Arc<AtomicBool>,
 }
 
 impl Reporter {
-    /// Starts the report of a run of this size with the result directory `dir`, after `completed_steps` converged
-    /// steps.
-    pub fn new(size: &ProblemSize, dir: &Path, completed_steps: usize) -> Self {
+    /// Starts the report of a run with the result directory `dir`, after `completed_steps` converged steps.
+    pub fn new<B: RealBackend, M: TissueMaterial>(
+        simulation: &Simulation<B, M>,
+        dir: &Path,
+        completed_steps: usize,
+    ) -> Self {
+        let size = &simulation.problem_size();
         let ProblemSize { elements, unknowns, rves, threads, ranks: [macro_ranks, micro_ranks], .. } = size;
         let workers = match micro_ranks {
             0 => format!("{threads} thread{}", if *threads == 1 { "" } else { "s" }),
@@ -45,13 +53,18 @@ impl Reporter {
             bar.enable_steady_tick(std::time::Duration::from_millis(200));
             bar
         });
+        let saved_steps = Arc::new(AtomicUsize::new(completed_steps));
         let completed_steps = Arc::new(AtomicUsize::new(completed_steps));
+        let is_interrupted = Arc::new(AtomicBool::new(false));
         interrupt::watch(Interrupted {
             dir: dir.to_owned(),
             completed_steps: Arc::clone(&completed_steps),
+            saved_steps: Arc::clone(&saved_steps),
+            between_checkpoints: simulation.case().output.checkpoint,
+            is_interrupted: Arc::clone(&is_interrupted),
             bar: bar.clone(),
         });
-        Self { bar, count: size.steps, completed_steps }
+        Self { bar, count: size.steps, completed_steps, saved_steps, is_interrupted }
     }
 
     fn message(&self, line: &str) {
@@ -132,6 +145,14 @@ impl Progress for Reporter {
 
     fn failed(&mut self, cut: &Cut) {
         self.message(&format!("step {}/{} to t = {:.4} failed: {}", cut.step, self.count, cut.t, cut.reason));
+    }
+
+    fn saved(&mut self, step: usize) {
+        self.saved_steps.store(step, Ordering::Relaxed);
+    }
+
+    fn is_interrupted(&self) -> bool {
+        self.is_interrupted.load(Ordering::Relaxed)
     }
 }
 

@@ -18,6 +18,7 @@ use crate::error_hints::{
     on_disk, replay_hint,
 };
 use crate::failure::Failure;
+use crate::interrupt::how_to_continue;
 use crate::number::count;
 use crate::output;
 use crate::progress::Reporter;
@@ -313,7 +314,7 @@ pub fn take_steps<B: ProgramBackend, M: TissueMaterial>(
         ));
     }
     // Only the rank that writes reports progress.
-    let mut progress = writers.is_writer().then(|| Reporter::new(&simulation.problem_size(), dir, completed_steps));
+    let mut progress = writers.is_writer().then(|| Reporter::new(simulation, dir, completed_steps));
     let outcome = match &mut progress {
         Some(reporter) => simulation.run_among(writers, dir, reporter),
         None => simulation.run_among(writers, dir, &mut ()),
@@ -334,6 +335,7 @@ pub fn take_steps<B: ProgramBackend, M: TissueMaterial>(
             let cure = cure_of_step(&reason, case);
             Err(Failure::not_converged(what, place, expected_of_step(&reason), cure))
         }
+        Err(RunError::Interrupted(_)) => Err(Failure::Interrupted(how_to_continue(dir))),
         Err(RunError::Results(error)) => Err(not_written(error)),
     }
 }

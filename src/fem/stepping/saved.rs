@@ -10,8 +10,7 @@ use crate::las::{Backend, RealBackend};
 
 /// The state of a run after a full step, except the memory of its point field. Loads, deformation gradients and nodal
 /// forces follow from it.
-// Checkpoints contain it: a change of its fields is a new format of checkpoints (`VERSION` in
-// `app/checkpoint/file.rs`).
+// Checkpoints contain it: a change of its fields is a new format of checkpoints (`VERSION` in `sealed_file.rs`).
 #[derive(Clone, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "app", derive(serde::Serialize, serde::Deserialize))]
 pub struct SavedState {
@@ -109,7 +108,8 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
     /// limited to those of this run.
     ///
     /// # Errors
-    /// Returns [`RestoreError`]; the stepper is then unchanged, except after [`RestoreError::Points`].
+    /// Returns [`RestoreError`]; the stepper is then unchanged, except after [`RestoreError::Points`] and for what `field`
+    /// has changed before [`RestoreError::Field`].
     pub fn restore<R: std::fmt::Display>(
         &mut self,
         state: &SavedState,

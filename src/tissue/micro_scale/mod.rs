@@ -9,11 +9,13 @@
 //! | `sites` | the material of each point: a formula, an RVE, or the substitute of an RVE that is not awake |
 //! | `lifecycle` | when an RVE is created, sleeps, wakes and is deleted |
 //! | `saved`, `raw`, `summary` | the saved state of an RVE in memory and in files, and its values for the result files |
+//! | `pieces` | the files of a checkpoint with the states of the RVEs of one rank |
 //! | this one | the body in one process ([`TissueField`]), and the interface to a run ([`TissueMaterial`]) |
 
 mod error;
 mod library;
 mod lifecycle;
+pub(super) mod pieces;
 mod raw;
 mod saved;
 mod sites;
@@ -23,6 +25,7 @@ mod units;
 mod worker;
 
 use std::collections::{HashMap, HashSet};
+use std::path::Path;
 
 use nalgebra::Matrix3;
 
@@ -35,7 +38,9 @@ use crate::tissue::two_scale::RankTimes;
 pub use error::{PointFailure, PointFailureKind, TissueFieldError};
 pub use library::{Library, LibraryError, PointMaterial};
 pub use lifecycle::RveStatus;
-pub use saved::{FieldRestoreError, SerializeIter, UnitState};
+pub use pieces::{Piece, PieceError, piece_file, piece_stem};
+pub(super) use saved::SerializeIter;
+pub use saved::{FieldRestoreError, SavedSites, SleepingRve, UnitState};
 pub use sites::Sites;
 pub use summary::{DeformedNetwork, PointSummary};
 pub use unit::RveStats;
@@ -95,16 +100,26 @@ pub trait TissueMaterial: PointField<Error = TissueFieldError> {
         0
     }
 
-    /// Returns the states of all RVEs that exist, in the order of their points. Right after a commit, these and
-    /// [`Sites::statuses`] are all that the next load step depends on.
-    fn unit_states(&self) -> impl ExactSizeIterator<Item = UnitState> + '_;
-
-    /// Restores all RVEs from [`Sites::statuses`] and [`TissueMaterial::unit_states`].
+    /// Writes the states of all RVEs that exist to `folder`, each rank those that it solves to a file of its own, whose
+    /// name begins with `stem` ([`piece_file`]). Right after a commit, these states and [`Sites::saved`] are all that
+    /// the next load step depends on. Returns the pieces, which are complete and on the disk.
     ///
     /// # Errors
-    /// Returns [`FieldRestoreError`] if the states do not match the body. RVEs are unchanged then, except if
-    /// communication failed.
-    fn restore_units(&mut self, statuses: &[RveStatus], states: Vec<UnitState>) -> Result<(), FieldRestoreError>;
+    /// Returns [`PieceError`], the same on all ranks of the body, if a piece cannot be written or communication failed.
+    fn save_units(&self, folder: &Path, stem: &str) -> Result<Vec<Piece>, PieceError>;
+
+    /// Verifies that the pieces are as [`TissueMaterial::save_units`] wrote them; the ranks share the work.
+    ///
+    /// # Errors
+    /// Returns the [`PieceError`] of one that is not, the same on all ranks of the body.
+    fn verify_pieces(&self, folder: &Path, pieces: &[Piece]) -> Result<(), PieceError>;
+
+    /// Restores all RVEs from [`Sites::saved`] and pieces that were verified. Each rank keeps the states of the RVEs
+    /// that it solves, whichever rank wrote them.
+    ///
+    /// # Errors
+    /// Returns [`FieldRestoreError`] if the states do not match the body, which must then be set up anew.
+    fn restore_units(&mut self, sites: &SavedSites, folder: &Path, pieces: &[Piece]) -> Result<(), FieldRestoreError>;
 }
 
 /// The material of the whole body in one process.
@@ -242,44 +257,25 @@ impl<B: RealBackend> TissueMaterial for TissueField<B> {
         self.units.deformed_network(*self.unit_of.get(&point)?)
     }
 
-    fn unit_states(&self) -> impl ExactSizeIterator<Item = UnitState> + '_ {
-        let existing = self.sites.existing();
-        let all: Vec<_> = existing
-            .filter_map(|(point, _)| Some((*self.unit_of.get(&point)?, self.sites.extrapolation_point(point))))
-            .collect();
-        all.into_iter().map(|(number, extrapolation_point)| {
-            let state = self.units.state(number);
-            UnitState { response: extrapolation_point.or(state.response), ..state }
-        })
+    fn save_units(&self, folder: &Path, stem: &str) -> Result<Vec<Piece>, PieceError> {
+        Ok(self.units.write_piece(folder, stem, 0)?.into_iter().collect())
     }
 
-    fn restore_units(&mut self, statuses: &[RveStatus], states: Vec<UnitState>) -> Result<(), FieldRestoreError> {
-        check_states(&self.sites, self.library(), statuses, &states)?;
-        self.sites.restore(statuses, |_| None);
+    fn verify_pieces(&self, folder: &Path, pieces: &[Piece]) -> Result<(), PieceError> {
+        pieces::verify_all(folder, pieces)
+    }
+
+    fn restore_units(&mut self, sites: &SavedSites, folder: &Path, pieces: &[Piece]) -> Result<(), FieldRestoreError> {
+        self.sites.restore(sites)?;
+        check_count(&self.sites, pieces)?;
         self.create_existing();
-        self.units.restore(states)?;
-        let Self { sites, units, unit_of } = self;
-        sites.restore(statuses, |point| units.response(*unit_of.get(&point)?));
-        Ok(())
+        self.units.restore(folder, pieces)
     }
 }
 
-/// Checks that saved RVEs match those of a body.
-pub(super) fn check_states<B: RealBackend>(
-    sites: &Sites,
-    library: &Library<B>,
-    statuses: &[RveStatus],
-    states: &[UnitState],
-) -> Result<(), FieldRestoreError> {
-    let exists = |point: usize| statuses.get(point).is_some_and(|status| status.exists());
-    let points: Vec<usize> = (0..sites.len()).filter(|&point| sites.status(point).is_some() && exists(point)).collect();
-    let (found, expected) = (states.len(), points.len());
-    if found != expected || statuses.len() != sites.len() {
-        return Err(FieldRestoreError::Units { found, expected });
-    }
-    for (&point, state) in points.iter().zip(states) {
-        let model = sites.material(point).and_then(|(model, _)| model);
-        state.check(sites.locate(point), model.map(|model| &**library.models()[model].network()))?;
-    }
-    Ok(())
+/// Checks that pieces hold as many RVEs as exist.
+pub(super) fn check_count(sites: &Sites, pieces: &[Piece]) -> Result<(), FieldRestoreError> {
+    let found = pieces.iter().map(|piece| piece.rves).fold(0, usize::saturating_add);
+    let expected = sites.existing().count();
+    if found == expected { Ok(()) } else { Err(FieldRestoreError::Units { found, expected }) }
 }

@@ -4,6 +4,8 @@ use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize, Serializer};
 use thiserror::Error;
 
+use super::lifecycle::RveStatus;
+use super::pieces::PieceError;
 use super::raw::Raw;
 use crate::fem::material::Response;
 use crate::fem::mesh::IntegrationPoint;
@@ -34,6 +36,37 @@ impl UnitState {
     }
 }
 
+/// The state of the life cycles of all RVEs of a body.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct SavedSites {
+    /// The status of each point, [`RveStatus::Awake`] for one without an RVE.
+    pub statuses: Vec<RveStatus>,
+    /// The sleeping RVEs.
+    pub asleep: Vec<SleepingRve>,
+}
+
+/// A sleeping RVE.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(from = "(u64, ResponseRecord)", into = "(u64, ResponseRecord)")]
+pub struct SleepingRve {
+    /// Its point.
+    pub point: usize,
+    /// The deformation gradient at which it fell asleep, and its response there.
+    pub extrapolation_point: (Matrix3<f64>, Response),
+}
+
+impl From<SleepingRve> for (u64, ResponseRecord) {
+    fn from(rve: SleepingRve) -> Self {
+        (rve.point as u64, rve.extrapolation_point.into())
+    }
+}
+
+impl From<(u64, ResponseRecord)> for SleepingRve {
+    fn from((point, response): (u64, ResponseRecord)) -> Self {
+        Self { point: usize::try_from(point).unwrap_or(usize::MAX), extrapolation_point: response.into() }
+    }
+}
+
 /// [`UnitState`] in the form that is stored and sent; matrices column by column.
 #[derive(Serialize, Deserialize)]
 struct UnitRecord {
@@ -57,6 +90,18 @@ struct ResponseRecord {
     tangent: [[f64; 9]; 9],
 }
 
+impl From<(Matrix3<f64>, Response)> for ResponseRecord {
+    fn from((gradient, Response { energy, pk1, tangent }): (Matrix3<f64>, Response)) -> Self {
+        Self { gradient: gradient.into(), energy, pk1: pk1.into(), tangent: tangent.into() }
+    }
+}
+
+impl From<ResponseRecord> for (Matrix3<f64>, Response) {
+    fn from(ResponseRecord { gradient, energy, pk1, tangent }: ResponseRecord) -> Self {
+        (gradient.into(), Response { energy, pk1: pk1.into(), tangent: tangent.into() })
+    }
+}
+
 impl From<UnitState> for UnitRecord {
     fn from(state: UnitState) -> Self {
         Self {
@@ -64,12 +109,7 @@ impl From<UnitState> for UnitRecord {
                 let (gradient, interior, sensitivities) = rve.into_parts();
                 RveRecord { gradient: gradient.into(), interior: Raw(interior), sensitivities: sensitivities.map(Raw) }
             }),
-            response: state.response.map(|(gradient, Response { energy, pk1, tangent })| ResponseRecord {
-                gradient: gradient.into(),
-                energy,
-                pk1: pk1.into(),
-                tangent: tangent.into(),
-            }),
+            response: state.response.map(ResponseRecord::from),
             iterations: state.iterations as u64,
         }
     }
@@ -82,10 +122,7 @@ impl From<UnitRecord> for UnitState {
                 let RveRecord { gradient, interior, sensitivities } = rve;
                 Rve::restored(gradient.into(), interior.0, sensitivities.map(|sensitivities| sensitivities.0))
             }),
-            response: record.response.map(|response| {
-                let ResponseRecord { gradient, energy, pk1, tangent } = response;
-                (gradient.into(), Response { energy, pk1: pk1.into(), tangent: tangent.into() })
-            }),
+            response: record.response.map(Into::into),
             iterations: usize::try_from(record.iterations).unwrap_or(usize::MAX),
         }
     }
@@ -103,6 +140,23 @@ impl<I: Iterator<Item: Serialize>, F: Fn() -> I> Serialize for SerializeIter<F> 
 /// The reason why saved RVEs do not match those of a field.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum FieldRestoreError {
+    /// The numbers of points differ.
+    #[error("the state has {found} integration points; this body has {expected}")]
+    Points {
+        /// Points of the state.
+        found: usize,
+        /// Points of the field.
+        expected: usize,
+    },
+    /// The RVE of a point sleeps without a response, or has one although it does not sleep.
+    #[error("{0}: only a sleeping RVE has a response to extrapolate from")]
+    Asleep(IntegrationPoint),
+    /// No piece holds the state of the RVE of a point.
+    #[error("{0}: no piece of the state has its RVE")]
+    NotInPieces(IntegrationPoint),
+    /// A piece cannot be used.
+    #[error(transparent)]
+    Piece(#[from] PieceError),
     /// The numbers of RVEs differ.
     #[error("the state has {found} RVEs; this body has {expected}")]
     Units {
@@ -119,7 +173,7 @@ pub enum FieldRestoreError {
         /// Whether the saved state has fibers there.
         saved: bool,
     },
-    /// Communication between the ranks that share the RVEs failed.
+    /// Another rank failed to restore its RVEs, or communication failed.
     #[error("{0}")]
     Ranks(String),
     /// The saved state does not match the network of a point.

@@ -4,6 +4,7 @@
 //! and deleted, and the body is solved again ([`PointField::evolve`](crate::fem::point_field::PointField::evolve)).
 //! RVEs fall asleep when a step is committed, which changes no stress.
 
+use std::collections::HashMap;
 use std::sync::Arc;
 
 use nalgebra::Matrix3;
@@ -11,6 +12,7 @@ use nalgebra::Matrix3;
 use super::error::PointFailure;
 use super::library::{Library, LibraryError, PointMaterial};
 use super::lifecycle::{LifecycleState, RveStatus, extrapolate};
+use super::saved::{FieldRestoreError, SavedSites, SleepingRve};
 use crate::fem::material::{Material, MaterialError, Response, SaintVenantKirchhoff};
 use crate::fem::mesh::{IntegrationPoint, Mesh, PointNumbering};
 use crate::fem::point_field::{POINTS_PER_CHUNK, PointResponses};
@@ -248,30 +250,48 @@ impl Sites {
     }
 
     /// The gradient and the response from which a sleeping RVE extrapolates.
-    pub(in crate::tissue) fn extrapolation_point(&self, point: usize) -> Option<(Matrix3<f64>, Response)> {
+    fn extrapolation_point(&self, point: usize) -> Option<(Matrix3<f64>, Response)> {
         let lifecycle = self.sites.get(point)?.rve()?.lifecycle.as_ref()?;
         lifecycle.extrapolation_point.filter(|_| lifecycle.status == RveStatus::Asleep)
     }
 
-    /// Returns the statuses of all points, [`RveStatus::Awake`] for one without an RVE.
-    pub fn statuses(&self) -> Vec<RveStatus> {
-        (0..self.len()).map(|point| self.status(point).unwrap_or(RveStatus::Awake)).collect()
+    /// Returns the state of all life cycles.
+    pub fn saved(&self) -> SavedSites {
+        let statuses = (0..self.len()).map(|point| self.status(point).unwrap_or(RveStatus::Awake)).collect();
+        let asleep = (0..self.len())
+            .filter_map(|point| Some(SleepingRve { point, extrapolation_point: self.extrapolation_point(point)? }));
+        SavedSites { statuses, asleep: asleep.collect() }
     }
 
-    /// Restores all statuses; `response` returns the last gradient of the RVE of a point and its response there.
-    pub(in crate::tissue) fn restore(
-        &mut self,
-        statuses: &[RveStatus],
-        response: impl Fn(usize) -> Option<(Matrix3<f64>, Response)>,
-    ) {
+    /// Restores all life cycles.
+    ///
+    /// # Errors
+    /// Returns [`FieldRestoreError`] if the state does not match the points; nothing is changed then.
+    pub(in crate::tissue) fn restore(&mut self, saved: &SavedSites) -> Result<(), FieldRestoreError> {
+        let SavedSites { statuses, asleep } = saved;
+        let (found, expected) = (statuses.len(), self.len());
+        if found != expected {
+            return Err(FieldRestoreError::Points { found, expected });
+        }
+        let asleep: HashMap<usize, _> = asleep.iter().map(|rve| (rve.point, rve.extrapolation_point)).collect();
+        let sleeps = |&point: &usize| {
+            let has_life_cycle = self.sites[point].rve().is_some_and(|rve| rve.lifecycle.is_some());
+            has_life_cycle && statuses[point] == RveStatus::Asleep
+        };
+        let wrong = (0..expected).find(|point| sleeps(point) != asleep.contains_key(point));
+        if let Some(point) = wrong {
+            return Err(FieldRestoreError::Asleep(self.locate(point)));
+        }
         for (point, (site, &status)) in self.sites.iter_mut().zip(statuses).enumerate() {
             let Site::Rve(RveSite { lifecycle: Some(lifecycle), .. }) = site else { continue };
             (lifecycle.status, lifecycle.committed) = (status, status);
-            lifecycle.extrapolation_point = response(point);
-            lifecycle.converged = lifecycle.extrapolation_point.as_ref().map(|(gradient, _)| *gradient);
+            lifecycle.extrapolation_point = asleep.get(&point).copied();
+            // The commit after a restore sets it.
+            lifecycle.converged = None;
         }
         self.pending = RveChanges::default();
         self.is_restored = true;
+        Ok(())
     }
 }
 

@@ -1,6 +1,7 @@
 //! The RVEs of one rank, solved on all of its threads.
 
 use std::collections::{HashMap, HashSet};
+use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -9,6 +10,7 @@ use rayon::prelude::*;
 
 use super::error::PointFailure;
 use super::library::Library;
+use super::pieces::{self, Piece};
 use super::saved::{FieldRestoreError, UnitState};
 use super::unit::{Origin, RveStats, Unit, UnitError};
 use super::worker::Worker;
@@ -261,27 +263,40 @@ impl<B: RealBackend> Units<B> {
         }
     }
 
-    /// Restores all RVEs from their states.
+    /// Restores all RVEs of this rank from the pieces of a checkpoint, which were verified.
     ///
     /// # Errors
-    /// Returns [`FieldRestoreError`] if the states do not match the RVEs, which are then unchanged.
-    pub fn restore(&mut self, states: Vec<UnitState>) -> Result<(), FieldRestoreError> {
-        let (found, expected) = (states.len(), self.units.len());
-        if found != expected {
-            return Err(FieldRestoreError::Units { found, expected });
+    /// Returns [`FieldRestoreError`] if a state does not match its RVE or is in none of the pieces; some RVEs are then
+    /// restored and others are not.
+    pub fn restore(&mut self, folder: &Path, saved: &[Piece]) -> Result<(), FieldRestoreError> {
+        let number_of: HashMap<u64, usize> =
+            self.points.iter().enumerate().map(|(number, &point)| (point as u64, number)).collect();
+        let mut is_restored = vec![false; self.units.len()];
+        for piece in saved {
+            let is_own = |point| number_of.contains_key(&point);
+            pieces::read(folder, piece, is_own, |point, state| {
+                let Some(&number) = number_of.get(&point) else { return Ok(()) };
+                is_restored[number] = true;
+                self.restore_one(number, state)
+            })?;
         }
-        for (state, unit) in states.iter().zip(&self.units) {
-            let network = unit.fibers.as_ref().map(|fibers| &**self.library.models[fibers.model].network());
-            state.check(unit.location, network)?;
+        match is_restored.iter().position(|&restored| !restored) {
+            Some(number) => Err(FieldRestoreError::NotInPieces(self.units[number].location)),
+            None => Ok(()),
         }
-        for (UnitState { rve, response, iterations }, unit) in states.into_iter().zip(&mut self.units) {
-            if let Some((current, fibers)) = rve.zip(unit.fibers.as_mut()) {
-                fibers.committed.copy_equilibrium_from(&current);
-                (fibers.current, fibers.origin) = (current, Origin::Committed);
-            }
-            // `Unit::commit` copies `iterations` to `committed_iterations`: a commit after the restore keeps the count.
-            (unit.response, unit.iterations, unit.committed_iterations) = (response, iterations, iterations);
+    }
+
+    fn restore_one(&mut self, number: usize, state: UnitState) -> Result<(), FieldRestoreError> {
+        let unit = &mut self.units[number];
+        let network = unit.fibers.as_ref().map(|fibers| &**self.library.models[fibers.model].network());
+        state.check(unit.location, network)?;
+        let UnitState { rve, response, iterations } = state;
+        if let Some((current, fibers)) = rve.zip(unit.fibers.as_mut()) {
+            fibers.committed.copy_equilibrium_from(&current);
+            (fibers.current, fibers.origin) = (current, Origin::Committed);
         }
+        // `Unit::commit` copies `iterations` to `committed_iterations`: a commit after the restore keeps the count.
+        (unit.response, unit.iterations, unit.committed_iterations) = (response, iterations, iterations);
         Ok(())
     }
 

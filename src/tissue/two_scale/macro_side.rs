@@ -1,13 +1,14 @@
 //! The macro scale's side: the material of the body, whose RVEs are on other ranks.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::HashSet;
+use std::path::Path;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use nalgebra::Matrix3;
 
 use super::TwoScaleError;
 use super::micro_proxy::{BodySolve, MicroProxy};
-use super::protocol::{Command, Outcome, RankTimes, RveFailure, Task, UnitReport};
+use super::protocol::{Outcome, PieceFailure, RankTimes, RveFailure, Task, UnitReport};
 use super::shard::RveUpdate;
 use crate::coupling::{Scales, UnitId};
 use crate::fem::mesh::{IntegrationPoint, Mesh};
@@ -15,8 +16,8 @@ use crate::fem::point_field::{PointField, PointResponses};
 use crate::las::{Backend, Comm, RealBackend};
 use crate::tissue::materials::Materials;
 use crate::tissue::micro_scale::{
-    DeformedNetwork, FailedRve, FieldRestoreError, Library, LibraryError, PointFailure, PointSummary, RveStats,
-    RveStatus, Sites, TissueFieldError, TissueMaterial, UnitState, check_states,
+    DeformedNetwork, FailedRve, FieldRestoreError, Library, LibraryError, Piece, PieceError, PointFailure,
+    PointSummary, RveStats, SavedSites, Sites, TissueFieldError, TissueMaterial, check_count,
 };
 
 /// The material of a body whose RVEs are solved by the micro scale.
@@ -291,35 +292,45 @@ impl<C: Comm, B: RealBackend> TissueMaterial for ScaleField<'_, C, B> {
         self.rank_of[point] as usize
     }
 
-    fn unit_states(&self) -> impl ExactSizeIterator<Item = UnitState> + '_ {
-        let existing = self.sites.existing();
-        let all: Vec<_> = existing
-            .filter_map(|(point, _)| {
-                Some((&self.reports.units[point].as_ref()?.state, self.sites.extrapolation_point(point)))
-            })
-            .collect();
-        all.into_iter().map(|(state, extrapolation_point)| UnitState {
-            response: extrapolation_point.or(state.response),
-            ..state.clone()
-        })
+    fn save_units(&self, folder: &Path, stem: &str) -> Result<Vec<Piece>, PieceError> {
+        let saved = self.on_pieces(folder, |micro| micro.save(folder, stem))?;
+        Ok(saved.into_iter().flatten().collect())
     }
 
-    fn restore_units(&mut self, statuses: &[RveStatus], states: Vec<UnitState>) -> Result<(), FieldRestoreError> {
-        check_states(&self.sites, &self.library, statuses, &states)?;
+    fn verify_pieces(&self, folder: &Path, pieces: &[Piece]) -> Result<(), PieceError> {
+        self.on_pieces(folder, |micro| micro.verify(folder, pieces)).map(drop)
+    }
+
+    fn restore_units(&mut self, sites: &SavedSites, folder: &Path, pieces: &[Piece]) -> Result<(), FieldRestoreError> {
         let before: HashSet<usize> = self.sites.existing().map(|(point, _)| point).collect();
-        self.sites.restore(statuses, |_| None);
+        self.sites.restore(sites)?;
+        check_count(&self.sites, pieces)?;
         let existing: Vec<(usize, usize)> = self.sites.existing().collect();
-        let responses: HashMap<usize, _> =
-            existing.iter().zip(&states).filter_map(|(&(point, _), state)| Some((point, state.response?))).collect();
-        self.sites.restore(statuses, |point| responses.get(&point).copied());
         let now: HashSet<usize> = existing.iter().map(|&(point, _)| point).collect();
         let mut deleted: Vec<u64> = before.difference(&now).map(|&point| point as u64).collect();
         deleted.sort_unstable();
         let created = existing.iter().filter(|(point, _)| !before.contains(point));
         let created = created.map(|&(point, region)| self.new_rve(point, region)).collect();
-        let states = existing.iter().zip(states).map(|(&(point, _), state)| (point as u64, state)).collect();
         let updated = self.exchange_update(&RveUpdate { deleted, created });
-        let restored = updated.and_then(|()| self.micro.broadcast(&Command::Restore(states)));
-        self.record_error(restored).map_err(|error| FieldRestoreError::Ranks(error.to_string()))
+        let restored = updated.and_then(|()| self.micro.restore(folder, pieces));
+        let restored = self.record_error(restored).map_err(|error| FieldRestoreError::Ranks(error.to_string()))?;
+        restored.into_iter().collect::<Result<(), String>>().map_err(FieldRestoreError::Ranks)
+    }
+}
+
+impl<C: Comm, B: RealBackend> ScaleField<'_, C, B> {
+    /// Makes the ranks of the micro scale write or verify pieces; returns the values of all ranks, or the error of the
+    /// first rank that has one.
+    fn on_pieces<T>(
+        &self,
+        folder: &Path,
+        command: impl FnOnce(&MicroProxy<'_, C>) -> Result<Vec<Result<T, PieceFailure>>, TwoScaleError>,
+    ) -> Result<Vec<T>, PieceError> {
+        if let Some(reason) = self.broken.get() {
+            return Err(PieceError::Ranks(reason.clone()));
+        }
+        let answers = self.record_error(command(&self.micro));
+        let answers = answers.map_err(|error| PieceError::Ranks(error.to_string()))?;
+        answers.into_iter().collect::<Result<_, _>>().map_err(|failure: PieceFailure| failure.in_folder(folder))
     }
 }

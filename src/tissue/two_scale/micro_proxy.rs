@@ -7,17 +7,22 @@
 //! - all ranks solve a distributed linear system ([`BodySolve::Distributed`]); every rank receives all responses.
 
 use std::collections::HashSet;
+use std::path::Path;
+use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use nalgebra::Matrix3;
+use serde::Deserialize;
 
 use super::TwoScaleError;
 use super::follower::{FollowerCommand, RESPONSES, TASKS, TIMES};
-use super::protocol::{Command, MICRO, RankReport, RankTimes, RveFailure, RveResponse, RveTask, Task, pack, unpack};
+use super::protocol::{
+    Command, MICRO, PieceFailure, RankReport, RankTimes, RveFailure, RveResponse, RveTask, Task, pack, unpack,
+};
 use super::shard::{RveUpdate, Shard};
 use crate::coupling::{Scales, UnitId};
 use crate::las::{Comm, Message};
-use crate::tissue::micro_scale::Sites;
+use crate::tissue::micro_scale::{Piece, Sites};
 
 /// The ranks that solve for the body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -47,6 +52,9 @@ pub(super) struct MicroProxy<'a, C: Comm> {
     since: Instant,
     /// Times since the last trial state, to be added to those of the next one.
     between: RankTimes,
+    /// The part of the time since `since` that this rank waited for pieces of a checkpoint. Behind a lock, because
+    /// they are written with shared access to the field.
+    waited: Mutex<RankTimes>,
 }
 
 impl<'a, C: Comm> MicroProxy<'a, C> {
@@ -63,6 +71,7 @@ impl<'a, C: Comm> MicroProxy<'a, C> {
             iterations: Vec::new(),
             since: Instant::now(),
             between: RankTimes::of_rank(scales.world().rank()),
+            waited: Mutex::default(),
         }
     }
 
@@ -84,6 +93,15 @@ impl<'a, C: Comm> MicroProxy<'a, C> {
     /// Restarts the clock of the macro scale's own work.
     pub fn restart_clock(&mut self) {
         self.since = Instant::now();
+    }
+
+    /// Counts the time on the clock for `times`.
+    fn read_clock(&mut self, times: &mut RankTimes) {
+        let RankTimes { idle, communication, .. } =
+            std::mem::take(self.waited.get_mut().unwrap_or_else(PoisonError::into_inner));
+        times.busy += self.since.elapsed().as_secs_f64() - idle - communication;
+        times.idle += idle;
+        times.communication += communication;
     }
 
     /// Ends the loops of the other ranks; first reverts a step that is still open.
@@ -118,7 +136,7 @@ impl<'a, C: Comm> MicroProxy<'a, C> {
     }
 
     /// Gathers one value per rank of the micro scale, in the order of ranks.
-    fn gather<T: for<'de> serde::Deserialize<'de>>(&self, times: &mut RankTimes) -> Result<Vec<T>, TwoScaleError> {
+    fn gather<T: for<'de> Deserialize<'de>>(&self, times: &mut RankTimes) -> Result<Vec<T>, TwoScaleError> {
         let start = Instant::now();
         let waits = self.scales.comm().rank() == 0;
         if waits {
@@ -137,7 +155,9 @@ impl<'a, C: Comm> MicroProxy<'a, C> {
 
     /// Deletes and creates RVEs on both scales.
     pub fn update_rves(&mut self, update: &RveUpdate) -> Result<(), TwoScaleError> {
-        self.between.busy += self.since.elapsed().as_secs_f64();
+        let mut between = self.between.take();
+        self.read_clock(&mut between);
+        self.between = between;
         self.restart_clock();
         self.send_to_followers(&FollowerCommand::UpdateRves(update.clone()))?;
         self.broadcast(&Command::Units)?;
@@ -168,7 +188,7 @@ impl<'a, C: Comm> MicroProxy<'a, C> {
         let command = if std::mem::replace(&mut self.in_step, true) { Command::Iterate } else { Command::Step };
         let comm = self.scales.comm().clone();
         let mut times = self.between.take();
-        times.busy += self.since.elapsed().as_secs_f64();
+        self.read_clock(&mut times);
         let start = Instant::now();
         self.send_to_followers(&FollowerCommand::Exchange)?;
         let followers = if self.body_solve == BodySolve::Root { comm.size() } else { 1 };
@@ -238,5 +258,28 @@ impl<'a, C: Comm> MicroProxy<'a, C> {
             }
         }
         Ok((reports, iterations))
+    }
+
+    /// Sends a command that each rank of the micro scale answers with one value; returns the values in the order of
+    /// ranks. The wait counts for the next trial state.
+    fn ask<T: for<'de> Deserialize<'de>>(&self, command: &Command) -> Result<Vec<T>, TwoScaleError> {
+        self.broadcast(command)?;
+        let mut waited = self.waited.lock().unwrap_or_else(PoisonError::into_inner);
+        self.gather(&mut waited)
+    }
+
+    /// Makes each rank of the micro scale write a piece with the states of its RVEs.
+    pub fn save(&self, folder: &Path, stem: &str) -> Result<Vec<Result<Option<Piece>, PieceFailure>>, TwoScaleError> {
+        self.ask(&Command::Save { folder: folder.into(), stem: stem.into() })
+    }
+
+    /// Makes the ranks of the micro scale verify pieces.
+    pub fn verify(&self, folder: &Path, pieces: &[Piece]) -> Result<Vec<Result<(), PieceFailure>>, TwoScaleError> {
+        self.ask(&Command::Verify(folder.into(), pieces.to_vec()))
+    }
+
+    /// Makes the ranks of the micro scale restore their RVEs from pieces.
+    pub fn restore(&self, folder: &Path, pieces: &[Piece]) -> Result<Vec<Result<(), String>>, TwoScaleError> {
+        self.ask(&Command::Restore(folder.into(), pieces.to_vec()))
     }
 }

@@ -1,27 +1,30 @@
 //! The micro scale: creates and deletes RVEs on command of the macro scale, solves them, and sends the responses.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
+
+use serde::Serialize;
 
 use super::TwoScaleError;
 use super::channels::Channels;
 use super::protocol::{
-    Command, MACRO, NewRve, RankReport, RankTimes, RveFailure, RveResponse, RveTask, Task, UnitReport, pack, pack_into,
-    unpack,
+    Command, MACRO, NewRve, PieceFailure, RankReport, RankTimes, RveFailure, RveResponse, RveTask, Task, UnitReport,
+    pack, unpack,
 };
 use crate::coupling::Scales;
 use crate::las::{Backend, Comm, Message, RealBackend};
 use crate::tissue::materials::ElementSelection;
+use crate::tissue::micro_scale::pieces;
 use crate::tissue::micro_scale::{
-    DeformedNetwork, Library, PointFailure, PointMaterial, SerializeIter, UnitState, Units,
+    DeformedNetwork, Library, Piece, PointFailure, PointMaterial, SerializeIter, UnitState, Units,
 };
 
 /// The main function of the micro scale on one rank; the macro scale receives the deformed networks of the elements in
 /// `output`.
 ///
 /// # Errors
-/// Returns [`TwoScaleError`] if communication fails, a message does not follow the protocol, or a saved state does not
-/// match its RVE.
+/// Returns [`TwoScaleError`] if communication fails or a message does not follow the protocol.
 pub fn run<C: Comm, B: RealBackend>(
     scales: &Scales<C>,
     library: Library<B>,
@@ -92,7 +95,9 @@ impl<C: Comm, B: RealBackend> MicroSide<'_, C, B> {
         match command {
             Command::Commit => self.report(true),
             Command::Revert => self.report(false),
-            Command::Restore(states) => self.restore(states),
+            Command::Save { folder, stem } => self.save(&PathBuf::from(folder), &stem),
+            Command::Verify(folder, pieces) => self.verify(&PathBuf::from(folder), &pieces),
+            Command::Restore(folder, pieces) => self.restore(&PathBuf::from(folder), &pieces),
             _ => Err(TwoScaleError::Protocol),
         }
     }
@@ -192,7 +197,6 @@ impl<C: Comm, B: RealBackend> MicroSide<'_, C, B> {
             summaries.iter().enumerate().map(|(number, summary)| UnitReport {
                 point: self.units.points()[number] as u64,
                 summary: summary.clone(),
-                state: self.units.state(number),
                 network: self.network_output(number),
             })
         };
@@ -202,8 +206,7 @@ impl<C: Comm, B: RealBackend> MicroSide<'_, C, B> {
             times,
             units: SerializeIter(units),
         };
-        // The size of the RVEs is about that of the report.
-        self.gather_to_macro(pack_into(Message::zeros(report.bytes), &report)?)?;
+        self.gather_to_macro(pack(&report)?)?;
         self.between.busy += (summarized - start).as_secs_f64();
         self.between.add_communication(summarized);
         Ok(())
@@ -221,9 +224,38 @@ impl<C: Comm, B: RealBackend> MicroSide<'_, C, B> {
         Ok(self.scales.broadcast(self.macro_scale, Message::join(all.unwrap_or_default()))?)
     }
 
-    fn restore(&mut self, states: Vec<(u64, UnitState)>) -> Result<(), TwoScaleError> {
-        let mut states: HashMap<u64, UnitState> = states.into_iter().collect();
-        let own = self.units.points().iter().filter_map(|&point| states.remove(&(point as u64))).collect();
-        self.units.restore(own).map_err(|error| TwoScaleError::State(error.to_string()))
+    /// Writes the piece of this rank and sends its description to the macro scale.
+    fn save(&mut self, folder: &Path, stem: &str) -> Result<(), TwoScaleError> {
+        let saved = self.timed(|side| side.units.write_piece(folder, stem, side.scales.comm().rank()));
+        self.reply(&saved.map_err(PieceFailure::from))
+    }
+
+    /// Verifies the share of this rank of the pieces.
+    fn verify(&mut self, folder: &Path, saved: &[Piece]) -> Result<(), TwoScaleError> {
+        let (rank, ranks) = (self.scales.comm().rank(), self.scales.comm().size());
+        let verified = self.timed(|_| pieces::verify_all(folder, saved.iter().skip(rank).step_by(ranks)));
+        self.reply(&verified.map_err(PieceFailure::from))
+    }
+
+    /// Restores the RVEs of this rank; reports an error as text, since all pieces were verified.
+    fn restore(&mut self, folder: &Path, saved: &[Piece]) -> Result<(), TwoScaleError> {
+        let restored = self.timed(|side| side.units.restore(folder, saved));
+        self.reply(&restored.map_err(|error| error.to_string()))
+    }
+
+    /// Calls `work` and counts its time as work.
+    fn timed<T>(&mut self, work: impl FnOnce(&mut Self) -> T) -> T {
+        let start = Instant::now();
+        let outcome = work(self);
+        self.between.busy += start.elapsed().as_secs_f64();
+        outcome
+    }
+
+    /// Sends the outcome on this rank to the macro scale.
+    fn reply(&mut self, outcome: &impl Serialize) -> Result<(), TwoScaleError> {
+        let start = Instant::now();
+        self.gather_to_macro(pack(outcome)?)?;
+        self.between.add_communication(start);
+        Ok(())
     }
 }

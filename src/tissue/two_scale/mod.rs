@@ -23,6 +23,7 @@
 //!   strain creates RVEs: Command::Units ------->       update units; Newton evaluates again
 //!   converged: Command::Commit; else Revert --->     step_complete
 //!   strain deletes RVEs: Command::Units ------->     update units
+//! a checkpoint is due: Command::Save ---------->   each rank writes the states of its RVEs to a piece
 //! Command::Complete --------------------------->   complete
 //! ```
 
@@ -69,9 +70,6 @@ pub enum TwoScaleError {
     /// A message holds another command or another number of values than the protocol expects at this point.
     #[error("the scales are out of step: a message of another kind was expected")]
     Protocol,
-    /// A saved state does not match the RVEs of this rank.
-    #[error("{0}")]
-    State(String),
 }
 
 impl From<TwoScaleError> for TissueFieldError {

@@ -1,5 +1,6 @@
 //! The messages between the scales: values per RVE, sent over the couplings, and commands of the load stepping loop.
 
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use nalgebra::Matrix3;
@@ -9,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use crate::fem::material::Response;
 use crate::fem::mesh::IntegrationPoint;
 use crate::las::Message;
-use crate::tissue::micro_scale::{DeformedNetwork, PointFailure, PointSummary, RveStats, UnitState};
+use crate::tissue::micro_scale::{DeformedNetwork, Piece, PieceError, PointFailure, PointSummary, RveStats, UnitState};
 
 /// The name of the scale of the body in `[scales]` of a case.
 pub const MACRO: &str = "macro";
@@ -141,10 +142,89 @@ pub enum Command {
     Commit,
     /// Revert to the last committed state: the step has failed.
     Revert,
-    /// Set all RVEs to saved states: their points, ascending, and states.
-    Restore(Vec<(u64, UnitState)>),
+    /// Write the states of the RVEs of each rank to a piece.
+    Save {
+        /// The folder of the pieces.
+        folder: FolderName,
+        /// The beginning of their names.
+        stem: String,
+    },
+    /// Verify pieces, each on one of the ranks.
+    Verify(FolderName, Vec<Piece>),
+    /// Restore all RVEs from pieces.
+    Restore(FolderName, Vec<Piece>),
     /// End: all steps are done.
     Complete,
+}
+
+/// The path of a folder, which need not be text.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct FolderName(Vec<u8>);
+
+impl From<&Path> for FolderName {
+    fn from(path: &Path) -> Self {
+        #[cfg(unix)]
+        let bytes = std::os::unix::ffi::OsStrExt::as_bytes(path.as_os_str()).to_vec();
+        #[cfg(not(unix))]
+        let bytes = path.to_string_lossy().into_owned().into_bytes();
+        Self(bytes)
+    }
+}
+
+impl From<FolderName> for PathBuf {
+    fn from(name: FolderName) -> Self {
+        #[cfg(unix)]
+        let name: std::ffi::OsString = std::os::unix::ffi::OsStringExt::from_vec(name.0);
+        #[cfg(not(unix))]
+        let name = String::from_utf8_lossy(&name.0).into_owned();
+        name.into()
+    }
+}
+
+/// A [`PieceError`] of a rank. The other side knows the folder, whose name need not be text.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct PieceFailure {
+    kind: PieceFailureKind,
+    file: String,
+    what: String,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+enum PieceFailureKind {
+    Write,
+    Unreadable,
+    Missing,
+    Damaged,
+    Ranks,
+}
+
+impl From<PieceError> for PieceFailure {
+    fn from(error: PieceError) -> Self {
+        let (kind, path, what) = match error {
+            PieceError::Write(path, what) => (PieceFailureKind::Write, path, what),
+            PieceError::Unreadable(path, what) => (PieceFailureKind::Unreadable, path, what),
+            PieceError::Missing(path) => (PieceFailureKind::Missing, path, String::new()),
+            PieceError::Damaged(path, what) => (PieceFailureKind::Damaged, path, what),
+            PieceError::Ranks(what) => (PieceFailureKind::Ranks, PathBuf::new(), what),
+        };
+        let file = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+        Self { kind, file, what }
+    }
+}
+
+impl PieceFailure {
+    /// Returns the error for the pieces in `folder`.
+    pub fn in_folder(self, folder: &Path) -> PieceError {
+        let Self { kind, file, what } = self;
+        let path = folder.join(file);
+        match kind {
+            PieceFailureKind::Write => PieceError::Write(path, what),
+            PieceFailureKind::Unreadable => PieceError::Unreadable(path, what),
+            PieceFailureKind::Missing => PieceError::Missing(path),
+            PieceFailureKind::Damaged => PieceError::Damaged(path, what),
+            PieceFailureKind::Ranks => PieceError::Ranks(what),
+        }
+    }
 }
 
 /// The report of a rank of the micro scale at the end of a step.
@@ -160,15 +240,13 @@ pub struct RankReport<U = Vec<UnitReport>> {
     pub units: U,
 }
 
-/// The state of an RVE after a step.
+/// The values of an RVE after a step that the result files need. Its state stays on its rank.
 #[derive(Serialize, Deserialize)]
 pub struct UnitReport {
     /// Its point, from 0.
     pub point: u64,
     /// Its fiber orientation and stretches for the result files.
     pub summary: Option<PointSummary>,
-    /// Its committed state.
-    pub state: UnitState,
     /// Its deformed network, if it is part of the output.
     pub network: Option<DeformedNetwork>,
 }
@@ -220,15 +298,7 @@ impl RankTimes {
 /// # Errors
 /// Never in practice: postcard can encode every type of this module.
 pub fn pack<T: Serialize>(value: &T) -> Result<Message, postcard::Error> {
-    pack_into(Message::zeros(64), value)
-}
-
-/// Serializes a value into `message`, whose length is the capacity to start with; a longer value costs copies.
-///
-/// # Errors
-/// As for [`pack`].
-pub fn pack_into<T: Serialize>(message: Message, value: &T) -> Result<Message, postcard::Error> {
-    postcard::serialize_with_flavor(value, Packing { message, packed: 0 })
+    postcard::serialize_with_flavor(value, Packing { message: Message::zeros(64), packed: 0 })
 }
 
 /// A postcard flavor that appends bytes to a message, of which the first `packed` are filled.

@@ -95,7 +95,8 @@ fn every_entry_is_read() {
     assert_eq!(case.scales, ScalesCase { macro_ranks: 1, micro_ranks: 3, near: true });
     assert_eq!(case.output.directory, folder.path().join("out/pull"));
     assert!(case.output.points);
-    assert_eq!((case.output.every, case.output.rve), (5, ElementSelection::Elements(vec![0, 17])));
+    assert_eq!((case.output.every, case.output.checkpoint), (5, 2));
+    assert_eq!(case.output.rve, ElementSelection::Elements(vec![0, 17]));
 
     assert!(warnings.is_empty(), "{warnings:?}");
 }
@@ -131,7 +132,7 @@ fn defaults_fill_in() {
     );
     assert_eq!(case.scales, ScalesCase { macro_ranks: 1, micro_ranks: 0, near: false });
     let directory = folder.path().join("results");
-    assert_eq!(case.output, OutputCase { directory, every: 1, points: false, rve: ElementSelection::None });
+    assert_eq!(case.output, OutputCase { directory, ..OutputCase::default() });
 }
 
 #[test]

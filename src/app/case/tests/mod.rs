@@ -128,6 +128,7 @@ near = true
 [output]
 directory = "out/pull"
 every = 5
+checkpoint = 2
 points = true
 rve = [17, 0, 17]
 "#;
