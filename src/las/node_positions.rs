@@ -97,8 +97,9 @@ impl NodePositions {
         for group in (0..positions.len()).step_by(Self::GROUP) {
             let blocks = group..positions.len().min(group + Self::GROUP);
             let spans = blocks.flat_map(|number| positions.block(number).spans());
-            let span = spans.fold(Self::NONE..0, |all, span| all.start.min(span.start)..all.end.max(span.end));
-            positions.spans.push(span);
+            let limits = (Self::NONE, 0);
+            let (start, end) = spans.fold(limits, |(start, end), span| (span.start.min(start), span.end.max(end)));
+            positions.spans.push(start..end);
         }
         Some(positions)
     }

@@ -14,13 +14,16 @@ use biotissue::las::{
 };
 use nalgebra::Matrix3;
 
+/// The displacement at a position.
+type Motion = fn(&[f64; 3]) -> [f64; 3];
+
 /// A matrix with the vectors of its near null space.
 struct System {
     matrix: Matrix,
     near_null_space: Vec<Vec<f64>>,
 }
 
-/// The stiffness at rest of a body with the rigid motions; see [`stiffness`].
+/// The stiffness at rest of a body; `stiffness` is that of an element relative to the others, by its center.
 fn elasticity(mesh: &Mesh, prescribed: impl Fn([f64; 3]) -> [bool; 3], stiffness: impl Fn([f64; 3]) -> f64) -> System {
     let nodes = mesh.nodes();
     let unknowns = Unknowns::new(nodes.len(), |node, component| prescribed(nodes[node])[component]).unwrap();
@@ -33,7 +36,7 @@ fn elasticity(mesh: &Mesh, prescribed: impl Fn([f64; 3]) -> [bool; 3], stiffness
         *tangent = at_rest * stiffness(mesh.center(mesh.points().locate(point).element as usize));
     }
     assembler.stiffness(&vec![[0.0; 3]; nodes.len()], &[], &responses, &mut matrix).unwrap();
-    let motions: [fn(&[f64; 3]) -> [f64; 3]; 6] = [
+    let motions: [Motion; 6] = [
         |_| [1.0, 0.0, 0.0],
         |_| [0.0, 1.0, 0.0],
         |_| [0.0, 0.0, 1.0],

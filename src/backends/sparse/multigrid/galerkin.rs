@@ -100,7 +100,6 @@ fn add_rows<const S: usize, const K: usize>(
 }
 
 /// Returns the transpose of a block stored by columns.
-#[expect(clippy::needless_range_loop, reason = "loops over indices are inlined in every build")]
 #[inline(always)]
 fn transposed<const M: usize, const R: usize>(a: &[[f64; M]; R]) -> [[f64; R]; M] {
     let mut transpose = [[0.0; R]; M];

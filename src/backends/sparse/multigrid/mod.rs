@@ -50,6 +50,8 @@
 //! `examples/multigrid.rs` solves the Poisson equation and linear elasticity on finer and finer meshes;
 //! `docs/multigrid.md` has numbers of iterations for meshes, materials and aspect ratios of all kinds, beside PETSc's.
 
+#![allow(clippy::needless_range_loop, reason = "the compiler unrolls loops over the indices of small blocks")]
+
 mod aggregation;
 mod blocks;
 mod galerkin;

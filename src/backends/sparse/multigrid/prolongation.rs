@@ -178,7 +178,6 @@ struct Fill<'a, const S: usize, const K: usize> {
 }
 
 impl<const S: usize, const K: usize> Fill<'_, S, K> {
-    #[expect(clippy::needless_range_loop, reason = "loops over indices are inlined in every build")]
     #[inline(always)]
     fn row(&self, row: usize, columns: &[u32], p: &mut [[[f64; S]; K]]) {
         let blocks = self.a.blocks::<S, S>();
@@ -212,7 +211,6 @@ impl<const S: usize, const K: usize> Fill<'_, S, K> {
 }
 
 /// Adds `A B` to `sum`, all stored by columns.
-#[expect(clippy::needless_range_loop, reason = "loops over indices are inlined in every build")]
 #[inline(always)]
 pub(super) fn add_product<const R: usize, const M: usize, const C: usize>(
     a: &[[f64; R]; M],
