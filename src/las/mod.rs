@@ -40,6 +40,7 @@ pub mod conformance;
 pub mod krylov;
 pub mod market;
 mod newton;
+#[cfg_attr(not(feature = "sparse"), allow(dead_code, reason = "only this backend uses them"))]
 mod node_positions;
 mod ops;
 mod products;
