@@ -248,7 +248,7 @@ where
         curve: LoadCurve::Ramp,
     };
     let conditions = Conditions { surfaces: vec![side("x0", 0.0), side("x1", 0.1)], ..Conditions::default() };
-    let mut params = StepParams { count: 1, max_cuts: 0, solver: *params, ..StepParams::default() };
+    let mut params = StepParams { count: 1, max_cuts: 0, solver: Some(*params), ..StepParams::default() };
     params.newton.tolerance = 1e-10;
     let mesh = Arc::clone(mesh);
     Box::new(move || {
