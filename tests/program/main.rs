@@ -19,6 +19,7 @@ mod run;
 mod rve;
 #[path = "../support/skip.rs"]
 mod skip;
+mod solvers;
 mod states;
 mod streams;
 mod variants;
