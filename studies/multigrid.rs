@@ -286,9 +286,7 @@ fn solve<B: RealBackend>(context: &B::Context, problem: &Problem, fallback: bool
     let iterations = match solver.solve(&b, &mut x) {
         Ok(report) if report.fallbacks == 0 => report.iterations.to_string(),
         Ok(report) => format!("fails after {}, then direct", report.iterations),
-        Err(SolveError::NotConverged { iterations, stop_reason, .. }) => {
-            format!("fails after {iterations} ({stop_reason})")
-        }
+        Err(SolveError::NotConverged { iterations, .. }) => format!("fails after {iterations}"),
         Err(error) => return Err(error.into()),
     };
     Ok(format!("{iterations} | {setup:.2} | {:.2}", start.elapsed().as_secs_f64()))
