@@ -45,7 +45,7 @@ fn long_dot<T: Scalar>(x: &[T], y: &[T]) -> T {
 #[cold]
 #[inline(never)]
 fn long_norm<T: Scalar>(x: &[T]) -> T {
-    let squares = long_dot(x, x);
+    let squares: T = parallel::map(x.chunks(CHUNK), |x| local::dot(x, x)).into_iter().sum();
     if local::is_in_range(squares) { squares.sqrt() } else { local::scaled_norm(x) }
 }
 

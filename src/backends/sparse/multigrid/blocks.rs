@@ -1,9 +1,8 @@
 //! Sparse matrices of small dense blocks of one size.
 
-use bytemuck::Pod;
-use rayon::prelude::*;
-
 use crate::las::Scalar;
+use crate::parallel;
+use bytemuck::Pod;
 
 /// The largest number of rows or columns of a block.
 pub(super) const MOST: usize = 6;
@@ -77,7 +76,7 @@ pub(super) struct BlockMatrix<T> {
 /// The number of block rows that a task processes.
 const ROWS_PER_TASK: usize = 4096;
 
-/// The least number of entries that a task copies.
+/// The number of entries that a task copies.
 const ENTRIES_PER_TASK: usize = 1 << 15;
 
 impl<T> BlockMatrix<T> {
@@ -114,8 +113,10 @@ impl<T: Entry> BlockMatrix<T> {
     /// Copies a matrix of the same pattern and other precision, divided by `unit`.
     pub fn convert_from(&mut self, from: &BlockMatrix<f64>, unit: f64) {
         let scale = 1.0 / unit;
-        let entries = self.values.par_iter_mut().zip(&from.values).with_min_len(ENTRIES_PER_TASK);
-        entries.for_each(|(to, from)| *to = T::of(from * scale));
+        let chunks = self.values.chunks_mut(ENTRIES_PER_TASK).zip(from.values.chunks(ENTRIES_PER_TASK));
+        parallel::map(chunks, |(to, from)| {
+            to.iter_mut().zip(from).for_each(|(to, from)| *to = T::of(from * scale));
+        });
     }
 
     /// Copies the transpose of a matrix; block `k` of `from` goes to block `positions[k]`.
@@ -182,13 +183,7 @@ impl<T: Entry> BlockMatrix<T> {
 
 /// Calls a function for consecutive chunks of [`ROWS_PER_TASK`] entries, in parallel.
 pub(super) fn for_each_chunk<V: Send>(values: &mut [V], of_task: impl Fn((usize, &mut [V])) + Sync + Send) {
-    if values.len() <= ROWS_PER_TASK {
-        if !values.is_empty() {
-            of_task((0, values));
-        }
-    } else {
-        values.par_chunks_mut(ROWS_PER_TASK).enumerate().for_each(of_task);
-    }
+    parallel::map(values.chunks_mut(ROWS_PER_TASK).enumerate(), of_task);
 }
 
 /// Runs a loop compiled for the vector instructions of this machine; everything that it calls must be inlined.

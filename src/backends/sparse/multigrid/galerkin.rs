@@ -1,9 +1,11 @@
 //! The coarse matrix `P^T A P`.
 
-use rayon::prelude::*;
-
 use super::blocks::{BlockMatrix, vectorized, with_sizes};
 use super::prolongation::add_product;
+use crate::parallel;
+
+/// The number of coarse rows whose pattern a task computes.
+const ROWS_PER_TASK: usize = 1024;
 
 /// Returns zeros in the pattern of `P^T A P`. `r` has the pattern of `P^T`.
 pub(super) fn zeros<T: Sync>(a: &BlockMatrix<f64>, p: &BlockMatrix<f64>, r: &BlockMatrix<T>) -> BlockMatrix<f64> {
@@ -17,7 +19,7 @@ pub(super) fn zeros<T: Sync>(a: &BlockMatrix<f64>, p: &BlockMatrix<f64>, r: &Blo
 /// that the sums do not depend on the number of tasks.
 pub(super) fn compute(a: &BlockMatrix<f64>, p: &BlockMatrix<f64>, coarse: &mut BlockMatrix<f64>) {
     let k = p.size.1;
-    let tasks = rayon::current_num_threads().min(coarse.rows() / 64).max(1);
+    let tasks = parallel::threads().min(coarse.rows() / 64).max(1);
     let ends = balanced(&coarse.offsets, tasks);
     let BlockMatrix { offsets, columns, values, .. } = coarse;
     let (offsets, columns) = (&*offsets, &*columns);
@@ -29,7 +31,7 @@ pub(super) fn compute(a: &BlockMatrix<f64>, p: &BlockMatrix<f64>, coarse: &mut B
         parts.push((pair[0]..pair[1], part));
         rest = others;
     }
-    parts.into_par_iter().for_each(|(rows, values)| {
+    parallel::map(parts, |(rows, values)| {
         let pattern = CoarseRows { rows, offsets, columns };
         values.fill(0.0);
         with_sizes!(a.size.0, k, S, K => {
@@ -129,7 +131,11 @@ fn pattern<T: Sync>(a: &BlockMatrix<f64>, p: &BlockMatrix<f64>, r: &BlockMatrix<
         columns.sort_unstable();
         columns
     };
-    let rows: Vec<Vec<u32>> = (0..p.cols).into_par_iter().with_min_len(256).map_init(Vec::new, of_row).collect();
+    let of_chunk = |first: usize| -> Vec<Vec<u32>> {
+        let mut marks = Vec::new();
+        (first..p.cols.min(first + ROWS_PER_TASK)).map(|row| of_row(&mut marks, row)).collect()
+    };
+    let rows = parallel::map((0..p.cols).step_by(ROWS_PER_TASK), of_chunk).concat();
     let mut offsets = vec![0];
     offsets.extend(rows.iter().scan(0, |sum, row| {
         *sum += row.len() as u32;

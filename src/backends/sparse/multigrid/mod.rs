@@ -61,16 +61,13 @@ mod nodes;
 mod precondition;
 mod prolongation;
 mod smoother;
-#[cfg(test)]
-mod tests;
 
 use std::sync::Arc;
-
-use rayon::prelude::*;
 
 use super::{Failure, Matrix, Vector};
 use crate::backends::checks::{check_pattern, check_size};
 use crate::las::{Scalar, SolveError, Sparsity, Symmetry};
+use crate::parallel;
 use blocks::{BlockMatrix, MOST, padded};
 use hierarchy::{Hierarchy, SetupError};
 use nodes::Nodes;
@@ -329,7 +326,7 @@ fn for_each_row(offsets: &[u32], len: usize, values: &mut [f64], of_row: impl Fn
         parts.push((first..end, part));
         rest = others;
     }
-    parts.into_par_iter().for_each(|(rows, values)| {
+    parallel::map(parts, |(rows, values)| {
         let mut rest = values;
         for row in rows {
             let (values, others) = rest.split_at_mut((offsets[row + 1] - offsets[row]) as usize * len);

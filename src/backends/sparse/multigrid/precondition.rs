@@ -91,3 +91,68 @@ impl<T: SparseScalar> ApproximateInverse<Sparse<T>> for Precondition {
         self.multigrid.set_near_null_space(&vectors.iter().map(double).collect::<Vec<_>>())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::cell::Cell;
+    use std::sync::atomic::{AtomicBool, Ordering};
+    use std::sync::{Arc, Barrier};
+
+    use super::*;
+    use crate::las::MatrixOps;
+    use crate::parallel;
+
+    thread_local! {
+        static IS_ALONE: Cell<bool> = const { Cell::new(false) };
+    }
+
+    /// An RVE is solved by a thread that holds a lock: while it waited for others, it might start another RVE.
+    #[test]
+    fn a_thread_that_is_alone_starts_no_other_task() {
+        let side = 90;
+        let at = |i: i32, j: i32| side * i + j;
+        let edges: Vec<[i32; 2]> = (0..side)
+            .flat_map(|i| (1..side).flat_map(move |j| [[at(i, j - 1), at(i, j)], [at(j - 1, i), at(j, i)]]))
+            .collect();
+        let pattern = Arc::new(Sparsity::from_elements((side * side) as usize, edges.iter().copied()).unwrap());
+        let mut laplacian = Matrix::<f64>::zeros(&pattern);
+        for edge in &edges {
+            MatrixOps::<Sparse>::add(&mut laplacian, edge, edge, &[1.0, -1.0, -1.0, 1.0]).unwrap();
+        }
+        MatrixOps::<Sparse>::add(&mut laplacian, &[0], &[0], &[1.0]).unwrap();
+        let starts_others = Arc::new(AtomicBool::new(false));
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();
+        let barrier = Barrier::new(2);
+        std::thread::scope(|scope| {
+            // Tasks from outside of the pool: its other thread takes parts of loops first, so that a loop would wait.
+            scope.spawn(|| {
+                barrier.wait();
+                for _ in 0..400 {
+                    let starts_others = Arc::clone(&starts_others);
+                    pool.spawn(move || {
+                        starts_others.fetch_or(IS_ALONE.get(), Ordering::Relaxed);
+                        std::thread::sleep(std::time::Duration::from_millis(1));
+                    });
+                }
+                barrier.wait();
+            });
+            pool.install(|| {
+                barrier.wait();
+                barrier.wait();
+                IS_ALONE.set(true);
+                parallel::alone(|| {
+                    let (x, mut y) = (Vector::from(vec![1.0; pattern.rows()]), Vector::from(vec![0.0; pattern.rows()]));
+                    let mut multigrid =
+                        Multigrid::new(&pattern, Symmetry::Definite, MultigridParams::default()).unwrap();
+                    for _ in 0..10 {
+                        multigrid.set_up(&laplacian).unwrap();
+                        multigrid.apply(&x, &mut y).unwrap();
+                        multigrid.product(&x, &mut y).unwrap();
+                    }
+                });
+                IS_ALONE.set(false);
+            });
+        });
+        assert!(!starts_others.load(Ordering::Relaxed));
+    }
+}

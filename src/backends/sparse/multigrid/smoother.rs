@@ -6,9 +6,11 @@
 //! *Multigrid smoothers for ultraparallel computing*, SIAM J. Sci. Comput. 33, 2011). The chunks depend only on the
 //! size of the matrix, so that results do not depend on the number of threads.
 
-use rayon::prelude::*;
-
 use super::blocks::{BlockMatrix, Entry, MOST, vectorized, with_size};
+use crate::parallel;
+
+/// The number of block rows that a task prepares.
+const ROWS_PER_TASK: usize = 1024;
 
 /// The least number of block rows of a chunk.
 const LEAST_ROWS: usize = 4096;
@@ -56,22 +58,25 @@ pub(super) fn diagonals<T>(a: &BlockMatrix<T>) -> Result<Vec<u32>, SingularBlock
 pub(super) fn inverses(
     a: &BlockMatrix<f64>,
     diagonal: &[u32],
-    addition: impl Fn(usize, usize) -> f64 + Sync,
+    addition: impl Fn(usize, usize) -> f64 + Sync + Send,
 ) -> Result<Vec<f64>, SingularBlock> {
     let size = a.size.0;
     let mut inverses = vec![0.0; diagonal.len() * size * size];
-    let rows = inverses.par_chunks_mut(size * size).zip(diagonal).enumerate().with_min_len(1024);
-    let failed = rows.filter_map(|(row, (inverse, &at))| {
-        let mut block = [0.0; MOST * MOST];
-        let block = &mut block[..size * size];
-        block.copy_from_slice(&a.values[at as usize * size * size..][..size * size]);
-        (0..size).for_each(|i| block[i * size + i] += addition(row, i));
-        (!invert(block, inverse, size)).then_some(row)
-    });
-    match failed.min() {
-        Some(row) => Err(SingularBlock { row }),
-        None => Ok(inverses),
-    }
+    let rows = inverses.chunks_mut(ROWS_PER_TASK * size * size).zip(diagonal.chunks(ROWS_PER_TASK)).enumerate();
+    parallel::try_each(rows, |(task, (inverses, diagonal))| {
+        for (k, (inverse, &at)) in inverses.chunks_exact_mut(size * size).zip(diagonal).enumerate() {
+            let row = task * ROWS_PER_TASK + k;
+            let mut block = [0.0; MOST * MOST];
+            let block = &mut block[..size * size];
+            block.copy_from_slice(&a.values[at as usize * size * size..][..size * size]);
+            (0..size).for_each(|i| block[i * size + i] += addition(row, i));
+            if !invert(block, inverse, size) {
+                return Err(SingularBlock { row });
+            }
+        }
+        Ok(())
+    })?;
+    Ok(inverses)
 }
 
 /// Writes the inverse of the small matrix `a`, which is overwritten, into `b`, by Gauss-Jordan elimination with row
@@ -157,13 +162,9 @@ impl<T: Entry> Smoother<T> {
         });
     }
 
-    fn chunks<V: Send>(&self, values: &mut [V], of_chunk: impl Fn(usize, &mut [V]) + Sync) {
-        if values.len() <= self.chunk {
-            of_chunk(0, values);
-        } else {
-            let chunks = values.par_chunks_mut(self.chunk).enumerate();
-            chunks.for_each(|(number, values)| of_chunk(number * self.chunk, values));
-        }
+    fn chunks<V: Send>(&self, values: &mut [V], of_chunk: impl Fn(usize, &mut [V]) + Sync + Send) {
+        let chunks = values.chunks_mut(self.chunk).enumerate();
+        parallel::map(chunks, |(number, values)| of_chunk(number * self.chunk, values));
     }
 
     #[inline(always)]
@@ -246,11 +247,13 @@ impl<T: Entry> Smoother<T> {
 fn additions(a: &BlockMatrix<f64>, chunk: usize) -> Vec<f64> {
     let size = a.size.0;
     let mut additions = vec![0.0; a.rows() * size];
-    let rows = additions.par_chunks_mut(size).enumerate().with_min_len(1024);
-    rows.for_each(|(row, additions)| {
-        for at in a.range(row).filter(|&at| a.columns[at] as usize / chunk != row / chunk) {
-            for (k, value) in a.values[at * size * size..(at + 1) * size * size].iter().enumerate() {
-                additions[k % size] += 0.5 * value.abs();
+    parallel::map(additions.chunks_mut(ROWS_PER_TASK * size).enumerate(), |(task, additions)| {
+        for (k, additions) in additions.chunks_exact_mut(size).enumerate() {
+            let row = task * ROWS_PER_TASK + k;
+            for at in a.range(row).filter(|&at| a.columns[at] as usize / chunk != row / chunk) {
+                for (k, value) in a.values[at * size * size..(at + 1) * size * size].iter().enumerate() {
+                    additions[k % size] += 0.5 * value.abs();
+                }
             }
         }
     });
