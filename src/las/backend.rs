@@ -3,7 +3,7 @@
 use std::fmt::Debug;
 use std::sync::Arc;
 
-use super::{Index, MatVec, MatrixOps, Scalar, SolveError, Solver, SolverParams, Sparsity, Value, VectorOps};
+use super::{Index, MatVec, MatrixOps, RankRows, Scalar, SolveError, Solver, SolverParams, Sparsity, Value, VectorOps};
 
 /// A linear-algebra backend: a zero-sized marker type that names the backend's types and constructs them.
 ///
@@ -50,7 +50,7 @@ pub trait Backend: Copy + Default + Debug + Send + Sync + 'static {
     /// The return type of `norm` and `dot`: the scalar, or one scalar per lane.
     type Reduced: Value;
     /// Run-time data of the backend (communicator, device, lanes); `()` if there are none.
-    type Context: Send + Sync;
+    type Context: Clone + Send + Sync;
     /// The error type of vector and matrix operations; [`std::convert::Infallible`] for a backend that cannot fail.
     type Error: std::error::Error + Send + Sync + 'static;
     /// A position in a matrix, located once and reused for repeated writes (see [`MatrixOps::locate`]).
@@ -64,6 +64,37 @@ pub trait Backend: Copy + Default + Debug + Send + Sync + 'static {
     type Symbolic: Send + Sync;
     /// The numeric solver: one for each matrix that is factored.
     type Solver: Solver<Self>;
+
+    /// Returns a context for a linear system of which this rank holds these rows; all vectors, matrices and solvers made
+    /// with it use local numbers ([`RankRows`]). Collective over the ranks of `context`. `None` if the backend does not
+    /// distribute systems in this way, which is the default.
+    ///
+    /// # Errors
+    /// Returns the backend's error if it cannot create the context, for example because the ranges of the ranks do not
+    /// follow one another.
+    fn with_rows(context: &Self::Context, rows: RankRows) -> Result<Option<Self::Context>, Self::Error> {
+        let _ = (context, rows);
+        Ok(None)
+    }
+
+    /// Replaces each value by its sum over the ranks that hold parts of a system; collective, and every rank gets the
+    /// same bits. Without such parts ([`Backend::with_rows`]), every rank has the sums already, and nothing is done.
+    ///
+    /// # Errors
+    /// Returns the backend's error if the ranks cannot communicate.
+    fn sum(context: &Self::Context, values: &mut [f64]) -> Result<(), Self::Error> {
+        let _ = (context, values);
+        Ok(())
+    }
+
+    /// Replaces each value by its maximum over the ranks, like [`Backend::sum`].
+    ///
+    /// # Errors
+    /// As for [`Backend::sum`].
+    fn max(context: &Self::Context, values: &mut [f64]) -> Result<(), Self::Error> {
+        let _ = (context, values);
+        Ok(())
+    }
 
     /// Creates a vector of `len` zeros.
     ///

@@ -44,6 +44,7 @@ mod newton;
 mod node_positions;
 mod ops;
 mod products;
+mod rank_rows;
 mod scalar;
 mod solve;
 mod sparsity;
@@ -64,6 +65,7 @@ pub use newton::{
 pub(crate) use node_positions::{NodeBlock, NodePositions};
 pub use ops::{MatrixOps, VectorOps};
 pub use products::{Entries, MatMat, MatVec};
+pub use rank_rows::RankRows;
 pub use scalar::{Index, Scalar, Value};
 pub(crate) use solve::Failure;
 pub use solve::{
