@@ -190,7 +190,7 @@ impl<'a> Recorder<'a> {
             rotation: motion.rotation,
             displacement: motion.displacement,
         };
-        let mut volumes = step.mesh.deformed_region_volumes(&step.state.displacements);
+        let mut volumes = step.region_volumes.clone();
         let constrained = step.constraints.iter().zip(&step.state.volumes);
         let others = constrained.filter(|(constraint, _)| step.mesh.region(constraint.name()).is_none());
         volumes.extend(others.map(|(_, state)| state.volume));

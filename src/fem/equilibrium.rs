@@ -6,6 +6,7 @@ mod constraints;
 mod linearize;
 mod near_null_space;
 mod problem;
+mod rank_sums;
 
 use std::sync::Arc;
 
@@ -19,10 +20,11 @@ use super::kinematics::RigidMotion;
 use super::mesh::Mesh;
 use super::point_field::{PointField, PointResponses};
 use super::reactions::BoundaryForces;
-use crate::las::{Backend, RealBackend, VectorOps};
+use crate::las::{Backend, RealBackend, ResidualScale, VectorOps};
 use crate::parallel;
 use constraints::Volumes;
 pub use linearize::LinearizedStart;
+use rank_sums::{Divided, RankSums};
 
 /// The reason why the body has no residual at a state, or why a state cannot be committed.
 #[derive(Clone, Debug, Error, PartialEq)]
@@ -131,6 +133,7 @@ pub struct Equilibrium<B: Backend, P> {
     /// Displacements and motions to which [`NonlinearProblem::restore`](crate::las::NonlinearProblem::restore) returns.
     saved: (Vec<[f64; 3]>, Vec<RigidMotion>),
     volumes: Volumes,
+    ranks: RankSums<B>,
     /// Work array for nodal forces or increments that are copied to or from a vector.
     nodal: Vec<[f64; 3]>,
     /// The norm of the residual due to rounding of deformation gradients of order one, N.
@@ -166,15 +169,46 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
         assembler: Assembler<B>,
         field: P,
     ) -> Result<Self, EquilibriumError<P::Error, B::Error>> {
+        Self::on_ranks(RankSums::new(None), mesh, boundary, constraints, assembler, field)
+    }
+
+    /// Creates the part of a body that this rank holds: `mesh` is a part of a mesh, and `context` that of the linear
+    /// system of the part ([`Backend::with_rows`]); the whole body has this number of unknowns. All ranks call it, and all other methods, alike. The point field must
+    /// fail on all ranks if it fails on one.
+    ///
+    /// # Errors
+    /// As for [`Equilibrium::new`].
+    pub(super) fn on_part(
+        (context, unknowns): (B::Context, usize),
+        mesh: Arc<Mesh>,
+        boundary: Boundary,
+        assembler: Assembler<B>,
+        field: P,
+    ) -> Result<Self, EquilibriumError<P::Error, B::Error>> {
+        let ranks = RankSums::new(mesh.part().map(|part| Divided { part: Arc::clone(part), context, unknowns }));
+        Self::on_ranks(ranks, mesh, boundary, Constraints::default(), assembler, field)
+    }
+
+    fn on_ranks(
+        ranks: RankSums<B>,
+        mesh: Arc<Mesh>,
+        boundary: Boundary,
+        constraints: Constraints,
+        assembler: Assembler<B>,
+        field: P,
+    ) -> Result<Self, EquilibriumError<P::Error, B::Error>> {
         let trial = BodyState::undeformed(&mesh, &boundary, constraints.len());
         let volumes = Volumes::new(constraints, mesh.nodes().len());
+        let mut steepest = [assembler.geometry().steepest_gradient()];
+        ranks.max(&mut steepest).map_err(EquilibriumError::Backend)?;
         let mut body = Self {
             committed: trial.clone(),
             saved: (trial.displacements.clone(), trial.rigid.clone()),
             nodal: trial.displacements.clone(),
             volumes,
+            ranks,
             floor: 0.0,
-            steepest: assembler.geometry().steepest_gradient(),
+            steepest: steepest[0],
             mesh,
             boundary,
             assembler,
@@ -182,7 +216,9 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
             trial,
         };
         body.evaluate_points()?;
-        body.floor = body.assembler.rounding_error(&body.trial.responses.tangent);
+        let mut squares = [body.assembler.squared_errors(&body.trial.responses.tangent)];
+        body.ranks.sum(&mut squares).map_err(EquilibriumError::Backend)?;
+        body.floor = Assembler::<B>::rounding_error_of(squares[0]);
         body.start_constraints();
         body.commit()?;
         Ok(body)
@@ -213,11 +249,27 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
         &self.committed
     }
 
-    /// Returns the surface and point forces on the body in the committed state.
+    /// Returns the surface and point forces on the body in the committed state. Collective if the body is divided; all
+    /// values are then NaN if the ranks cannot communicate.
     pub fn forces(&self) -> BoundaryForces {
-        let mut forces = BoundaryForces::new(&self.mesh, &self.boundary, &self.committed);
+        let sum = |values: &mut [f64]| self.sum_or_nan(values);
+        let mut forces = BoundaryForces::of_ranks(&self.mesh, &self.boundary, &self.committed, sum);
         self.add_cavity_resultants(&self.committed, &mut forces);
         forces
+    }
+
+    /// Returns the volume of each region in the committed state, m^3, in the order of [`Mesh::regions`]. Collective like
+    /// [`Equilibrium::forces`].
+    pub fn region_volumes(&self) -> Vec<f64> {
+        let mut volumes = self.mesh.deformed_region_volumes(&self.committed.displacements);
+        self.sum_or_nan(&mut volumes);
+        volumes
+    }
+
+    fn sum_or_nan(&self, values: &mut [f64]) {
+        if self.ranks.sum(values).is_err() {
+            values.fill(f64::NAN);
+        }
     }
 
     /// Replaces the responses that do not continue the committed state by responses that do; see
@@ -262,18 +314,20 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
         net_forces(&self.trial, &mut self.nodal);
     }
 
-    /// Returns the scale of the residual of the trial state, N.
-    fn scale(&self) -> f64 {
-        let forces = norm(&self.trial.internal).max(norm(&self.trial.external));
-        forces.max(self.volumes.scale(&self.trial.volumes))
-    }
-
-    /// Returns the norm of the residual of the trial state that is due to rounding, N: of deformation gradients of order
-    /// one, or of displacements that are longer than an element.
-    fn residual_floor(&self) -> f64 {
-        let largest = self.trial.displacements.as_flattened().iter().fold(0.0, |most: f64, u| most.max(u.abs()));
-        let gradient = (self.steepest * largest).max(1.0);
-        (gradient * self.floor).hypot(self.volumes.floor(&self.trial.volumes, largest))
+    /// Returns the scale of the residual of the trial state and its norm that is due to rounding, N: of deformation
+    /// gradients of order one, or of displacements that are longer than an element.
+    fn residual_scale(&self) -> Result<ResidualScale, B::Error> {
+        let BodyState { displacements, internal, external, volumes, .. } = &self.trial;
+        let mut squares = [self.ranks.squares(internal), self.ranks.squares(external)];
+        self.ranks.sum(&mut squares)?;
+        let forces = squares[0].sqrt().max(squares[1].sqrt());
+        let mut largest = [displacements.as_flattened().iter().fold(0.0, |most: f64, u| most.max(u.abs()))];
+        self.ranks.max(&mut largest)?;
+        let gradient = (self.steepest * largest[0]).max(1.0);
+        Ok(ResidualScale {
+            scale: forces.max(self.volumes.scale(volumes)),
+            floor: (gradient * self.floor).hypot(self.volumes.floor(volumes, largest[0])),
+        })
     }
 
     /// Resets the trial displacements and the micro states to the committed ones.
@@ -374,10 +428,6 @@ fn net_forces(state: &BodyState, net: &mut [[f64; 3]]) {
 }
 
 fn norm(vectors: &[[f64; 3]]) -> f64 {
-    norm_of(vectors.chunks(NODES_PER_CHUNK), |vectors| vectors.as_flattened().iter().map(|f| f * f).sum())
-}
-
-/// Returns the root of the sum of the `squares` of all chunks, in order.
-fn norm_of<I: Send>(chunks: impl IntoIterator<Item = I>, squares: impl Fn(I) -> f64 + Sync + Send) -> f64 {
-    parallel::map(chunks, squares).into_iter().sum::<f64>().sqrt()
+    let squares = |vectors: &[[f64; 3]]| -> f64 { vectors.as_flattened().iter().map(|f| f * f).sum() };
+    parallel::map(vectors.chunks(NODES_PER_CHUNK), squares).into_iter().sum::<f64>().sqrt()
 }

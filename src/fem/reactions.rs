@@ -20,6 +20,8 @@ pub struct SurfaceForce {
     pub name: String,
     /// Its current (deformed) area, m^2.
     pub area: f64,
+    /// Its area in the reference state, m^2.
+    pub reference_area: f64,
     /// The force exerted on the body through the surface, N.
     pub force: [f64; 3],
     /// The displacement averaged over the reference area, m.
@@ -27,7 +29,7 @@ pub struct SurfaceForce {
 }
 
 /// Force and displacement of one point condition.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PointForce {
     /// The node.
     pub node: u32,
@@ -66,24 +68,75 @@ impl BoundaryForces {
     /// # Panics
     /// Panics if the state has fewer nodes than the mesh.
     pub fn new(mesh: &Mesh, boundary: &Boundary, state: &BodyState) -> Self {
+        Self::of_ranks(mesh, boundary, state, |_| ())
+    }
+
+    /// Does the same if the mesh may be a part: `sum` replaces each value by its sum over the ranks.
+    pub(super) fn of_ranks(mesh: &Mesh, boundary: &Boundary, state: &BodyState, sum: impl FnOnce(&mut [f64])) -> Self {
+        let mut forces = Self::of_own_nodes(mesh, boundary, state);
+        if mesh.part().is_some() {
+            let mut values = forces.to_values();
+            sum(&mut values);
+            forces.set_values(&values);
+        }
+        forces.surfaces.iter_mut().for_each(SurfaceForce::average_displacement);
+        forces
+    }
+
+    /// Returns the parts of the forces, areas and displacements that belong to the own nodes; the displacements of surfaces
+    /// are still integrals.
+    fn of_own_nodes(mesh: &Mesh, boundary: &Boundary, state: &BodyState) -> Self {
         let BodyState { t, displacements, internal, external, .. } = state;
+        let surface = |surface: &Surface| SurfaceForce::integrated(mesh, surface, displacements);
+        let point = |node: &Option<u32>| {
+            node.map_or_else(PointForce::default, |node| PointForce::new(mesh, node, displacements))
+        };
         let mut forces = Self {
-            surfaces: mesh.surfaces().iter().map(|surface| SurfaceForce::new(mesh, surface, displacements)).collect(),
-            points: boundary.point_nodes().iter().map(|&node| PointForce::new(node, displacements)).collect(),
+            surfaces: mesh.surfaces().iter().map(surface).collect(),
+            points: boundary.point_nodes().iter().map(point).collect(),
             rigid: rigid_forces(boundary, state),
         };
-        boundary.reactions(internal, external, |source, reaction| {
-            if let Some(force) = forces.force_mut(source) {
-                force.iter_mut().zip(reaction).for_each(|(sum, part)| *sum += part);
-            }
-        });
+        boundary.reactions(
+            (internal, external),
+            |node| mesh.is_own_node(node),
+            |source, reaction| {
+                if let Some(force) = forces.force_mut(source) {
+                    force.iter_mut().zip(reaction).for_each(|(sum, part)| *sum += part);
+                }
+            },
+        );
         for load in boundary.loads() {
             if let Some(source) = load.source() {
                 let nodal = |forces: &mut [[f64; 3]]| load.add_forces(*t, displacements, forces);
-                forces.add_load(source, load.resultant(*t, displacements), nodal, boundary, displacements.len());
+                let resultant = match mesh.part() {
+                    None => load.resultant(*t, displacements),
+                    Some(part) => of_own_nodes(&part.is_own_node, nodal),
+                };
+                forces.add_load(source, resultant, nodal, boundary, displacements.len());
             }
         }
         forces
+    }
+
+    /// Returns all values that are sums over the ranks.
+    fn to_values(&self) -> Vec<f64> {
+        let of_surface = |s: &SurfaceForce| [[s.area, s.reference_area, 0.0], s.force, s.displacement];
+        let of_point = |p: &PointForce| [[f64::from(p.node), 0.0, 0.0], p.force, p.displacement];
+        let all = self.surfaces.iter().flat_map(of_surface).chain(self.points.iter().flat_map(of_point));
+        all.flatten().collect()
+    }
+
+    /// Sets the values of [`BoundaryForces::to_values`].
+    fn set_values(&mut self, values: &[f64]) {
+        let (values, _) = values.as_chunks::<3>();
+        let (of_surfaces, of_points) = values.split_at(3 * self.surfaces.len());
+        for (surface, values) in self.surfaces.iter_mut().zip(of_surfaces.chunks_exact(3)) {
+            [surface.area, surface.reference_area, _] = values[0];
+            (surface.force, surface.displacement) = (values[1], values[2]);
+        }
+        for (point, values) in self.points.iter_mut().zip(of_points.chunks_exact(3)) {
+            *point = PointForce { node: values[0][0] as u32, force: values[1], displacement: values[2] };
+        }
     }
 
     /// Adds the force of a load, N, and its moment on a rigid surface; `nodal` adds the forces on the `nodes` nodes.
@@ -134,10 +187,19 @@ fn rigid_forces(boundary: &Boundary, state: &BodyState) -> Vec<RigidForce> {
     surfaces.map(force).collect()
 }
 
+/// Returns the sum over the own nodes of the forces that `nodal` adds, N.
+fn of_own_nodes(is_own: &[bool], nodal: impl FnOnce(&mut [[f64; 3]])) -> [f64; 3] {
+    let mut forces = vec![[0.0; 3]; is_own.len()];
+    nodal(&mut forces);
+    let own = forces.iter().zip(is_own).filter(|(_, is_own)| **is_own);
+    own.fold([0.0; 3], |sum, (force, _)| std::array::from_fn(|i| sum[i] + force[i]))
+}
+
 impl SurfaceForce {
-    fn new(mesh: &Mesh, surface: &Surface, displacements: &[[f64; 3]]) -> Self {
+    /// Integrates area and displacement over the faces whose first node is an own one.
+    fn integrated(mesh: &Mesh, surface: &Surface, displacements: &[[f64; 3]]) -> Self {
         let (mut area, mut reference, mut moment) = (0.0, 0.0, [0.0; 3]);
-        for (face_type, nodes) in surface.faces.typed() {
+        for (face_type, nodes) in surface.faces.typed().filter(|(_, nodes)| mesh.is_own_node(nodes[0])) {
             let x = mesh.positions_of(nodes);
             let u: Vec<[f64; 3]> = nodes.iter().map(|&node| displacements[node as usize]).collect();
             let current: Vec<[f64; 3]> = x.iter().zip(&u).map(|(x, u)| std::array::from_fn(|i| x[i] + u[i])).collect();
@@ -150,13 +212,19 @@ impl SurfaceForce {
                 }
             });
         }
-        let displacement = if reference > 0.0 { moment.map(|m| m / reference) } else { [0.0; 3] };
-        Self { name: surface.name.clone(), area, force: [0.0; 3], displacement }
+        Self { name: surface.name.clone(), area, reference_area: reference, force: [0.0; 3], displacement: moment }
+    }
+
+    /// Divides the integral of the displacement by the reference area.
+    fn average_displacement(&mut self) {
+        let reference = self.reference_area;
+        self.displacement = if reference > 0.0 { self.displacement.map(|m| m / reference) } else { [0.0; 3] };
     }
 }
 
 impl PointForce {
-    fn new(node: u32, displacements: &[[f64; 3]]) -> Self {
-        Self { node, force: [0.0; 3], displacement: displacements[node as usize] }
+    fn new(mesh: &Mesh, node: u32, displacements: &[[f64; 3]]) -> Self {
+        let in_whole = mesh.part().map_or(node, |part| part.nodes[node as usize]);
+        Self { node: in_whole, force: [0.0; 3], displacement: displacements[node as usize] }
     }
 }

@@ -103,6 +103,17 @@ impl Sparsity {
         Ok(Self { cols, row_offsets: row_offsets.into(), columns: columns.into() })
     }
 
+    /// Returns the pattern of the first rows.
+    ///
+    /// # Panics
+    /// Panics if there are fewer rows.
+    #[must_use]
+    pub fn first_rows(&self, rows: usize) -> Self {
+        let row_offsets = &self.row_offsets[..=rows];
+        let columns = &self.columns[..self.row_offsets[rows] as usize];
+        Self { cols: self.cols, row_offsets: row_offsets.into(), columns: columns.into() }
+    }
+
     /// Builds the full pattern of a dense matrix.
     ///
     /// # Panics

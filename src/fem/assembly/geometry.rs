@@ -225,13 +225,17 @@ impl<const N: usize, const Q: usize> Block<N, Q> {
         gradients.map(|g| g.iter().map(|x| x * x).sum::<f64>()).fold(0.0, f64::max).sqrt()
     }
 
-    /// Returns the sum over all points and nodes of the squared errors of the forces, divided by `eps`; see
+    /// Returns the sum over all own points and their nodes of the squared errors of the forces, divided by `eps`; see
     /// [`Assembler::rounding_error`](super::Assembler::rounding_error).
-    pub fn squared_errors(&self, tangent: &[SMatrix<f64, 9, 9>]) -> f64 {
+    pub fn squared_errors(&self, tangent: &[SMatrix<f64, 9, 9>], own: Option<&[bool]>) -> f64 {
+        let own = own.map(|own| self.of_points(own).as_flattened());
         let points = self.points.chunks(ELEMENTS_PER_CHUNK);
-        let chunks = points.zip(self.of_points(tangent).chunks(ELEMENTS_PER_CHUNK));
-        let sums: Vec<f64> = parallel::map(chunks, |(points, tangent)| {
-            let squares = points.as_flattened().iter().zip(tangent.as_flattened()).map(|(p, a)| {
+        let starts = (0..).step_by(Q * ELEMENTS_PER_CHUNK);
+        let chunks = starts.zip(points.zip(self.of_points(tangent).chunks(ELEMENTS_PER_CHUNK)));
+        let sums: Vec<f64> = parallel::map(chunks, |(start, (points, tangent))| {
+            let is_own = |(number, _): &(usize, _)| own.is_none_or(|own| own[*number]);
+            let points = (start..).zip(points.as_flattened().iter().zip(tangent.as_flattened())).filter(is_own);
+            let squares = points.map(|(_, (p, a))| {
                 let gradients: f64 = p.gradients.as_flattened().iter().map(|g| g * g).sum();
                 p.volume * p.volume * a.norm_squared() * gradients
             });

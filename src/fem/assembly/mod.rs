@@ -68,6 +68,7 @@ pub use volume::volume_tangent;
 
 use super::boundary::Load;
 use super::kinematics::{Kinematics, RigidMotion, Rows};
+use super::mesh::Mesh;
 use super::point_field::PointResponses;
 use crate::las::{Backend, BlockSlots, Index, MatrixOps, RealBackend};
 use f_bar::{PatchTangents, tangents};
@@ -89,6 +90,10 @@ pub struct Assembler<B: Backend> {
     equation_numbers: Vec<B::Index>,
     rigid_equations: Vec<[B::Index; 6]>,
     kinematics: Arc<Kinematics>,
+    /// The number of rows on this rank; on a backend whose every rank holds all entries of a vector, that of all rows.
+    rows: usize,
+    /// Whether each point belongs to an own element; `None` if all do.
+    own_points: Option<Vec<bool>>,
     /// The positions of the geometric stiffness of each rigid surface with rows on this rank.
     local_rigid: Vec<(usize, Vec<B::Slot>)>,
     /// The groups of coupled nodes of the loads that have rows on this rank.
@@ -138,6 +143,8 @@ impl<B: RealBackend> Assembler<B> {
             equation_numbers,
             rigid_equations,
             kinematics: Arc::clone(unknowns.kinematics()),
+            rows: matrix.shape().0,
+            own_points: None,
             local_rigid: Vec::new(),
             load_groups: Vec::new(),
             local_patches: Vec::new(),
@@ -190,6 +197,11 @@ impl<B: RealBackend> Assembler<B> {
         let slots = matrix.locate_blocks(3 * N, &rows_of_all)?;
         debug_assert_eq!(slots.len(), elements.len(), "one block per element");
         Ok(LocalBlock { elements, slots, condensed, has_patches: false })
+    }
+
+    /// Restricts [`Assembler::squared_errors`] to the points of own elements of a part of a mesh.
+    pub(in crate::fem) fn count_own_points(&mut self, mesh: &Mesh) {
+        self.own_points = mesh.part().map(|part| mesh.points().spread(&part.is_own_element));
     }
 
     /// Locates the stiffness of loads in `matrix`, for [`Assembler::load_stiffness`].
@@ -361,8 +373,18 @@ impl<B: RealBackend> Assembler<B> {
     /// With a factor of 8, as at the micro scale, the estimate is `8 eps sqrt(sum_q sum_a (V |A| |grad N_a|)^2)` in
     /// Frobenius norms.
     pub fn rounding_error(&self, tangent: &[SMatrix<f64, 9, 9>]) -> f64 {
+        Self::rounding_error_of(self.squared_errors(tangent))
+    }
+
+    /// Returns the sum `sum_q sum_a (V |A| |grad N_a|)^2` of [`Assembler::rounding_error`] over the points of own elements.
+    pub(in crate::fem) fn squared_errors(&self, tangent: &[SMatrix<f64, 9, 9>]) -> f64 {
+        let own = self.own_points.as_deref();
         let blocks = self.geometry.blocks.iter();
-        let squares: f64 = blocks.map(|block| with_block!(block, b => b.squared_errors(tangent))).sum();
+        blocks.map(|block| with_block!(block, b => b.squared_errors(tangent, own))).sum()
+    }
+
+    /// Returns the estimate of [`Assembler::rounding_error`] from this sum over all points.
+    pub(in crate::fem) fn rounding_error_of(squares: f64) -> f64 {
         8.0 * f64::EPSILON * squares.sqrt()
     }
 }

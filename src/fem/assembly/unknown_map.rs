@@ -45,22 +45,24 @@ impl<B: RealBackend> Assembler<B> {
         self.rigid_equations.iter().zip(&of_rigid_surfaces).try_for_each(|(rows, forces)| r.add(rows, forces))
     }
 
-    /// Returns the norm of the forces on nodes, N, at the free unknowns, as [`Assembler::scatter`] adds them.
+    /// Returns the sum of the squares of the forces on nodes, N^2, at the free unknowns with rows on this rank, as
+    /// [`Assembler::scatter`] adds them.
     ///
     /// # Panics
     /// Panics if `forces` has fewer nodes than the mesh.
-    pub fn free_norm(&self, forces: &mut [[f64; 3]], motions: &[RigidMotion]) -> f64 {
+    pub fn free_squares(&self, forces: &mut [[f64; 3]], motions: &[RigidMotion]) -> f64 {
         let of_rigid_surfaces = self.kinematics.rigid_forces(motions, forces);
         self.kinematics.rotate_to_frames(forces);
         const CHUNK: usize = 3 * 4096;
         let squares = |(equations, forces): (&[B::Index], &[f64])| -> f64 {
-            let free = equations.iter().zip(forces).filter(|(equation, _)| equation.position().is_some());
+            let is_own = |equation: &B::Index| equation.position().is_some_and(|row| row < self.rows);
+            let free = equations.iter().zip(forces).filter(|(equation, _)| is_own(equation));
             free.map(|(_, force)| force * force).sum()
         };
         let of_nodes =
             parallel::map(self.equation_numbers.chunks(CHUNK).zip(forces.as_flattened().chunks(CHUNK)), squares);
         let of_surfaces = squares((self.rigid_equations.as_flattened(), of_rigid_surfaces.as_flattened()));
-        (of_nodes.into_iter().sum::<f64>() + of_surfaces).sqrt()
+        of_nodes.into_iter().sum::<f64>() + of_surfaces
     }
 
     /// Adds `a` times the `direction` of the unknowns to the displacements of all nodes, m, and to the motions of the

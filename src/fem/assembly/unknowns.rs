@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use crate::fem::kinematics::{Kinematics, Rows};
-use crate::fem::mesh::Mesh;
-use crate::las::{Sparsity, SparsityError};
+use crate::fem::mesh::{Division, Mesh, Part};
+use crate::las::{RankRows, Sparsity, SparsityError};
 
 /// The equation numbers of the free displacement components: ascending by node, in mesh order or another given order,
 /// then by component; last, those of the free components of rigid surfaces. Prescribed components have number -1.
@@ -74,6 +74,42 @@ impl Unknowns {
             self.rigid_equations.push(equations);
         }
         Ok(self)
+    }
+
+    /// Returns the unknowns of a part of the mesh by local numbers, and the rows of the rank ([`RankRows`]). These
+    /// unknowns must be numbered in the order of the ranks of their nodes ([`Division::node_order`]), and there are no
+    /// rigid surfaces. [`Unknowns::free`] then counts local numbers, ghosts included.
+    pub(in crate::fem) fn on_part(
+        &self,
+        division: &Division,
+        part: &Part,
+        kinematics: &Arc<Kinematics>,
+    ) -> (Self, RankRows) {
+        let (of_nodes, _) = self.equation_numbers.as_chunks::<3>();
+        let free = |numbers: &[i32; 3]| numbers.iter().filter(|&&number| number >= 0).count();
+        let ranks = of_nodes.iter().zip(&division.rank_of_node);
+        let (mut start, mut count) = (0, 0);
+        for (numbers, &rank) in ranks {
+            start += if (rank as usize) < part.rank { free(numbers) } else { 0 };
+            count += if rank as usize == part.rank { free(numbers) } else { 0 };
+        }
+        let own = start..start + count;
+        let in_part = part.nodes.iter().flat_map(|&node| of_nodes[node as usize]);
+        let is_ghost = |&number: &i32| number >= 0 && !own.contains(&(number as usize));
+        let mut ghosts: Vec<u32> = in_part.clone().filter(is_ghost).map(|number| number as u32).collect();
+        ghosts.sort_unstable();
+        let rows = RankRows { own, ghosts, total: self.free };
+        let local = |number: i32| {
+            let row = usize::try_from(number).ok();
+            row.and_then(|row| rows.local_number(row)).map_or(-1, |local| local as i32)
+        };
+        let unknowns = Self {
+            equation_numbers: in_part.map(local).collect(),
+            rigid_equations: Vec::new(),
+            kinematics: Arc::clone(kinematics),
+            free: rows.local(),
+        };
+        (unknowns, rows)
     }
 
     /// Returns the equation number of component `c` of node `a` at `3 * a + c`; -1 if the component is prescribed.

@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 
 use super::{
-    BoundaryError, ENDS, Load, LoadCondition, LoadCurve, Source, check_finite, check_finite_at, find_surface,
-    position_at,
+    BoundaryError, ENDS, Indivisible, Load, LoadCondition, LoadCurve, Source, check_finite, check_finite_at,
+    find_surface, position_at,
 };
-use crate::fem::mesh::Mesh;
+use crate::fem::mesh::{Mesh, Part};
 
 /// A force per reference area of a surface, whose direction and magnitude do not follow the deformation.
 #[derive(Clone, Debug, PartialEq)]
@@ -170,5 +170,14 @@ impl Load for NodalLoad {
 
     fn source(&self) -> Option<Source> {
         self.surface.map(Source::Surface)
+    }
+
+    fn on_part(&self, part: &Part) -> Result<Option<Box<dyn Load>>, Indivisible> {
+        let on_part = |place: &Place| {
+            let weights = place.weights.iter().filter_map(|&(node, weight)| Some((part.own_node(node)?, weight)));
+            Place { position: place.position, weights: weights.collect() }
+        };
+        let places: Vec<Place> = self.places.iter().map(on_part).filter(|place| !place.weights.is_empty()).collect();
+        Ok((!places.is_empty()).then(|| -> Box<dyn Load> { Box::new(Self { places, ..self.clone() }) }))
     }
 }

@@ -2,8 +2,10 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::{BoundaryError, CoupledNodes, Load, LoadCondition, Source, Support, check_finite, find_surface};
-use crate::fem::mesh::{Faces, Mesh};
+use super::{
+    BoundaryError, CoupledNodes, Indivisible, Load, LoadCondition, Source, Support, check_finite, find_surface,
+};
+use crate::fem::mesh::{Faces, Mesh, Part};
 
 /// Linear springs per reference area of a surface (a Robin condition). The traction per reference area on the body is
 /// `-(k_n N (x) N + k_t (I - N (x) N)) u`, with the unit normal `N` of the reference surface. The springs have no force
@@ -126,6 +128,16 @@ impl Load for Springs {
 
     fn add_stiffness(&self, _: f64, _: &[[f64; 3]], group: usize, block: &mut [f64]) {
         block.iter_mut().zip(&self.blocks[group]).for_each(|(sum, entry)| *sum += entry);
+    }
+
+    fn on_part(&self, part: &Part) -> Result<Option<Box<dyn Load>>, Indivisible> {
+        let (faces, numbers) = part.faces(&self.faces);
+        let blocks = numbers.iter().map(|&number| self.blocks[number].clone()).collect();
+        let support = |support: &Support| Some(Support { node: part.own_node(support.node)?, ..*support });
+        let supports = self.supports.iter().filter_map(support).collect();
+        let surface = self.surface;
+        let springs = || -> Box<dyn Load> { Box::new(Self { surface, faces, blocks, supports }) };
+        Ok((!numbers.is_empty()).then(springs))
     }
 }
 

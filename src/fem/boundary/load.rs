@@ -3,7 +3,7 @@
 use std::fmt::Debug;
 
 use super::{BoundaryError, Source};
-use crate::fem::mesh::{Elements, Faces, Mesh};
+use crate::fem::mesh::{Elements, Faces, Mesh, Part};
 use crate::las::Symmetry;
 
 /// A load by name, an entry of [`Conditions::loads`](super::Conditions::loads).
@@ -76,7 +76,21 @@ pub trait Load: Debug + Send + Sync {
     fn add_stiffness(&self, t: f64, displacements: &[[f64; 3]], group: usize, block: &mut [f64]) {
         let _ = (t, displacements, group, block);
     }
+
+    /// Returns the load on a part of the mesh, with the node numbers of the part: it must add the whole forces on all own
+    /// nodes, and what it adds on ghosts is ignored. `None` if it acts on no own node.
+    ///
+    /// # Errors
+    /// Returns [`Indivisible`] if there is no such load, which is the default; every rank then holds the whole body.
+    fn on_part(&self, part: &Part) -> Result<Option<Box<dyn Load>>, Indivisible> {
+        let _ = part;
+        Err(Indivisible)
+    }
 }
+
+/// A load that cannot be divided among the ranks that hold parts of a mesh.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Indivisible;
 
 /// A direction in which a spring resists the displacement of a node.
 #[derive(Clone, Copy, Debug, PartialEq)]

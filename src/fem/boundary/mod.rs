@@ -23,6 +23,7 @@ mod dead;
 mod error;
 mod foundation;
 mod load;
+mod part;
 mod plane;
 mod point_load;
 mod prescribed;
@@ -37,7 +38,7 @@ pub use curve::{CurveError, LoadCurve, LoadFunction, LoadTable};
 pub use dead::{BodyForce, Traction};
 pub use error::BoundaryError;
 pub use foundation::Foundation;
-pub use load::{CoupledNodes, Load, LoadCondition, Support};
+pub use load::{CoupledNodes, Indivisible, Load, LoadCondition, Support};
 pub use point_load::PointLoad;
 pub use prescribed::{PrescribedComponent, Source};
 pub use pressure::Pressure;
@@ -68,7 +69,8 @@ pub struct Boundary {
     rigid: Vec<ResolvedRigid>,
     kinematics: Arc<Kinematics>,
     loads: Vec<Box<dyn Load>>,
-    point_nodes: Vec<u32>,
+    /// The node of each point condition; `None` if it belongs to another rank.
+    point_nodes: Vec<Option<u32>>,
 }
 
 impl Boundary {
@@ -115,6 +117,7 @@ impl Boundary {
         let surfaces = rigid.iter().map(|rigid| rigid.surface.clone()).collect();
         let kinematics = Arc::new(Kinematics::new(mesh.nodes().len(), frames, surfaces));
         let prescribed_components = prescribed.into_components();
+        let point_nodes = point_nodes.into_iter().map(Some).collect();
         let mut boundary = Self { prescribed_components, skew_nodes, rigid, kinematics, loads, point_nodes };
         if conditions.hold_free_modes {
             boundary.hold_free_modes(mesh);
@@ -239,8 +242,8 @@ impl Boundary {
         times
     }
 
-    /// Returns the node of each point condition.
-    pub fn point_nodes(&self) -> &[u32] {
+    /// Returns the node of each point condition; `None` if the mesh is a part and the node belongs to another rank.
+    pub fn point_nodes(&self) -> &[Option<u32>] {
         &self.point_nodes
     }
 
@@ -262,27 +265,28 @@ impl Boundary {
         }
     }
 
-    /// Calls `add` with every reaction, N: the part of the force `internal - external` on a node that a condition
-    /// exerts on the body.
+    /// Calls `add` with every reaction, N, at the nodes for which `is_counted` returns true: the part of the force
+    /// `internal - external` on a node that a condition exerts on the body.
     pub(super) fn reactions(
         &self,
-        internal: &[[f64; 3]],
-        external: &[[f64; 3]],
+        (internal, external): (&[[f64; 3]], &[[f64; 3]]),
+        is_counted: impl Fn(u32) -> bool,
         mut add: impl FnMut(Source, [f64; 3]),
     ) {
         let exerted = |node: u32| -> [f64; 3] {
             std::array::from_fn(|i| internal[node as usize][i] - external[node as usize][i])
         };
-        for prescribed in &self.prescribed_components {
+        for prescribed in self.prescribed_components.iter().filter(|component| is_counted(component.node)) {
             let (component, mut force) = (usize::from(prescribed.component), [0.0; 3]);
             force[component] = exerted(prescribed.node)[component];
             add(prescribed.source, force);
         }
-        for skew in &self.skew_nodes {
+        for skew in self.skew_nodes.iter().filter(|skew| is_counted(skew.node)) {
             skew.reactions(exerted(skew.node)).for_each(|(source, force)| add(source, force.into()));
         }
         for rigid in &self.rigid {
-            rigid.surface.nodes.iter().for_each(|&node| add(Source::Surface(rigid.surface.surface), exerted(node)));
+            let nodes = rigid.surface.nodes.iter().filter(|&&node| is_counted(node));
+            nodes.for_each(|&node| add(Source::Surface(rigid.surface.surface), exerted(node)));
         }
     }
 

@@ -1,10 +1,10 @@
 //! Concentrated forces on nodes.
 
 use super::{
-    BoundaryError, ENDS, Load, LoadCondition, LoadCurve, PointLocation, Source, check_finite, check_finite_at,
-    find_node,
+    BoundaryError, ENDS, Indivisible, Load, LoadCondition, LoadCurve, PointLocation, Source, check_finite,
+    check_finite_at, find_node,
 };
-use crate::fem::mesh::Mesh;
+use crate::fem::mesh::{Mesh, Part};
 
 /// A force on the node of a point condition, whose direction and magnitude do not follow the deformation.
 ///
@@ -23,7 +23,7 @@ pub struct PointLoad {
     pub curve: LoadCurve,
 }
 
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct Concentrated {
     point: usize,
     /// The point condition in messages.
@@ -73,5 +73,9 @@ impl Load for Concentrated {
 
     fn source(&self) -> Option<Source> {
         Some(Source::Point(self.point))
+    }
+
+    fn on_part(&self, part: &Part) -> Result<Option<Box<dyn Load>>, Indivisible> {
+        Ok(part.own_node(self.node).map(|node| -> Box<dyn Load> { Box::new(Self { node, ..self.clone() }) }))
     }
 }

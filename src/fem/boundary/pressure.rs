@@ -5,11 +5,11 @@ use std::collections::BTreeMap;
 use nalgebra::Vector3;
 
 use super::{
-    BoundaryError, CoupledNodes, ENDS, Load, LoadCondition, LoadCurve, Source, check_finite, check_finite_at,
-    find_surface, position_at,
+    BoundaryError, CoupledNodes, ENDS, Indivisible, Load, LoadCondition, LoadCurve, Source, check_finite,
+    check_finite_at, find_surface, position_at,
 };
 use crate::fem::element::{CellType, FaceType};
-use crate::fem::mesh::{Faces, Mesh};
+use crate::fem::mesh::{Faces, Mesh, Part};
 use crate::las::Symmetry;
 
 /// A pressure on the deformed surface. The force on an element of its current area is `-p n da`, where `n` is its
@@ -184,6 +184,22 @@ impl Load for FollowerPressure {
         let Some((face_type, nodes)) = self.faces.get(group) else { return };
         let pressure = |values: &[f64]| self.pressure(t, nodes, values);
         add_pressure_stiffness(face_type, &self.current(nodes, displacements), pressure, block);
+    }
+
+    fn on_part(&self, part: &Part) -> Result<Option<Box<dyn Load>>, Indivisible> {
+        let (faces, _) = part.faces(&self.faces);
+        let positions = || part.nodes.iter().map(|&node| self.positions[node as usize]).collect();
+        Ok((!faces.is_empty()).then(|| -> Box<dyn Load> {
+            Box::new(Self {
+                surface: self.surface,
+                name: self.name.clone(),
+                faces,
+                positions: positions(),
+                is_closed: self.is_closed,
+                value: self.value,
+                curve: self.curve.clone(),
+            })
+        }))
     }
 }
 

@@ -95,7 +95,7 @@ fn points_are_found_and_follow_their_curve() {
     };
     let mesh = box_2x1x1();
     let boundary = Boundary::new(&mesh, &conditions).unwrap();
-    assert_eq!(mesh.nodes()[boundary.point_nodes()[0] as usize], [2.0, 1.0, 1.0]);
+    assert_eq!(mesh.nodes()[boundary.point_nodes()[0].unwrap() as usize], [2.0, 1.0, 1.0]);
     let mut displacements = vec![[9.0; 3]; mesh.nodes().len()];
     boundary.apply_prescribed(0.25, &mut displacements, &mut []);
     assert_eq!(displacements[1], [9.0, 0.5, 9.0]);

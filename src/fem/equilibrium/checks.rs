@@ -20,9 +20,10 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
         self.assembler.internal_forces(&trial.displacements, &trial.responses.pk1, &mut trial.internal);
         self.add_region_forces();
         self.set_net_forces();
-        let residual = self.assembler.free_norm(&mut self.nodal, &self.trial.rigid);
+        let squares = self.assembler.free_squares(&mut self.nodal, &self.trial.rigid);
+        let residual = self.ranks.root(squares).map_err(EquilibriumError::Backend)?;
         let residual = residual.hypot(self.volumes.residual(&self.trial.volumes));
-        let limit = (tolerance * self.scale()).max(self.residual_floor());
+        let limit = self.residual_scale().map_err(EquilibriumError::Backend)?.limit(tolerance);
         // A NaN residual also fails.
         if residual <= FACTOR * limit && self.constraints_hold(tolerance, FACTOR) {
             self.check_supports(FACTOR * limit)
@@ -34,14 +35,22 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
     /// Checks that the supports against free rigid-body modes exert no force on the body. If the loads balance, these
     /// forces are sums over all nodes of the residual, whose norm is at most `residual`.
     fn check_supports(&self, residual: f64) -> Result<(), EquilibriumError<P::Error, B::Error>> {
-        let mut force: f64 = 0.0;
-        self.boundary.reactions(&self.trial.internal, &self.trial.external, |source, reaction| {
-            if source == Source::FreeMode {
-                force = reaction.iter().fold(force, |most, component| most.max(component.abs()));
-            }
-        });
+        let (forces, mut force) = ((&self.trial.internal[..], &self.trial.external[..]), 0.0_f64);
+        self.boundary.reactions(
+            forces,
+            |node| self.mesh.is_own_node(node),
+            |source, reaction| {
+                if source == Source::FreeMode {
+                    force = reaction.iter().fold(force, |most, component| most.max(component.abs()));
+                }
+            },
+        );
+        let mut largest = [force];
+        self.ranks.max(&mut largest).map_err(EquilibriumError::Backend)?;
+        let [force] = largest;
         // By the inequality of Cauchy and Schwarz; the factor allows for the lever arms of rotations.
-        let limit = 10.0 * residual * (self.trial.displacements.len() as f64).sqrt();
+        let nodes = self.ranks.nodes(self.trial.displacements.len());
+        let limit = 10.0 * residual * (nodes as f64).sqrt();
         if force <= limit { Ok(()) } else { Err(EquilibriumError::UnbalancedLoads { force, limit }) }
     }
 }

@@ -31,7 +31,7 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
     /// Returns the [`SolveError`] of the solver; the trial state is then as [`Equilibrium::begin_step`] leaves it.
     pub fn linearize(&mut self, t: f64, system: &mut NewtonSystem<B>) -> Result<LinearizedStart, SolveError<B::Error>> {
         self.begin_step(t);
-        if system.residual.is_empty() {
+        if self.ranks.unknowns(system.residual.len()) == 0 {
             return Ok(LinearizedStart::default());
         }
         let start = Instant::now();

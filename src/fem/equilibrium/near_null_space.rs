@@ -6,7 +6,7 @@ use crate::las::{Index, RealBackend, SolveError, Solver};
 
 impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
     /// Passes the three translations and the three rotations of the body in the committed state to the preconditioner
-    /// of `solver`, if it uses them. Prescribed components are left out.
+    /// of `solver`, if it uses them, at its `unknowns` own unknowns. Prescribed components are left out.
     ///
     /// # Errors
     /// Returns the error of the solver.
@@ -21,10 +21,11 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
         let nodes = self.mesh.nodes().iter().zip(&self.committed.displacements);
         let positions: Vec<[f64; 3]> = nodes.map(|(x, u)| std::array::from_fn(|i| x[i] + u[i])).collect();
         // About the center of the body, rotations are independent of the translations.
-        let mut center = [0.0; 3];
-        for x in &positions {
-            (0..3).for_each(|i| center[i] += x[i] / positions.len() as f64);
+        let (mut center, nodes) = ([0.0; 3], self.ranks.nodes(positions.len()) as f64);
+        for (_, x) in (0..).zip(&positions).filter(|(node, _)| self.mesh.is_own_node(*node)) {
+            (0..3).for_each(|i| center[i] += x[i] / nodes);
         }
+        self.ranks.sum(&mut center).map_err(SolveError::Backend)?;
         let motions = (0..6).map(|motion| self.rigid_motion(motion, &positions, center, unknowns));
         solver.set_near_null_space(&motions.collect::<Vec<_>>())
     }

@@ -1,6 +1,6 @@
 //! Equilibrium as a problem of Newton's method.
 
-use super::{Equilibrium, EquilibriumError, NODES_PER_CHUNK, norm, norm_of, scatter};
+use super::{Equilibrium, EquilibriumError, scatter};
 use crate::fem::point_field::PointField;
 use crate::las::{Border, NonlinearProblem, RealBackend, ResidualScale};
 
@@ -20,7 +20,7 @@ impl<B: RealBackend, P: PointField> NonlinearProblem<B> for Equilibrium<B, P> {
         self.add_constraint_forces();
         self.set_net_forces();
         scatter(&self.assembler, &mut self.nodal, &self.trial.rigid, r).map_err(EquilibriumError::Backend)?;
-        Ok(ResidualScale { scale: self.scale(), floor: self.residual_floor() })
+        self.residual_scale().map_err(EquilibriumError::Backend)
     }
 
     fn jacobian(&mut self, k: &mut B::Matrix) -> Result<(), Self::Error> {
@@ -67,12 +67,11 @@ impl<B: RealBackend, P: PointField> NonlinearProblem<B> for Equilibrium<B, P> {
     /// The norm of the displacement increments of all nodes since the committed state, prescribed ones included, m.
     /// Changes below `1e-8` of the displacements are due to rounding.
     fn state_scale(&self) -> Option<f64> {
-        let moved = self.trial.displacements.chunks(NODES_PER_CHUNK);
-        let moved = moved.zip(self.committed.displacements.chunks(NODES_PER_CHUNK));
-        let change = norm_of(moved, |(new, old)| {
-            new.as_flattened().iter().zip(old.as_flattened()).map(|(new, old)| (new - old).powi(2)).sum()
-        });
-        Some(change.max(1e-8 * norm(&self.trial.displacements)))
+        let (new, old) = (&self.trial.displacements, &self.committed.displacements);
+        let change = |node: usize| new[node].iter().zip(&old[node]).map(|(new, old)| (new - old).powi(2)).sum();
+        let mut squares = [self.ranks.over_own(new.len(), change), self.ranks.squares(new)];
+        // A NaN is no small step.
+        self.ranks.sum(&mut squares).map_or(Some(f64::NAN), |()| Some(squares[0].sqrt().max(1e-8 * squares[1].sqrt())))
     }
 
     fn save(&mut self) {

@@ -133,14 +133,15 @@ impl Mesh {
     }
 
     /// Returns the volume of each region, m^3, after these displacements of the nodes, m, in the order of
-    /// [`Mesh::regions`].
+    /// [`Mesh::regions`]; in a part of a mesh, that of its own elements.
     ///
     /// # Panics
     /// Panics if there are fewer displacements than nodes.
     pub fn deformed_region_volumes(&self, displacements: &[[f64; 3]]) -> Vec<f64> {
         let mut volumes = vec![0.0; self.regions.len()];
         let mut positions = Vec::new();
-        for ((element_type, nodes), &region) in self.elements.typed().zip(&self.region_of) {
+        let elements = self.elements.typed().zip(&self.region_of).enumerate();
+        for (_, ((element_type, nodes), &region)) in elements.filter(|(element, _)| self.is_own_element(*element)) {
             positions.clear();
             positions.extend(nodes.iter().map(|&node| {
                 let (x, u) = (self.nodes[node as usize], displacements[node as usize]);

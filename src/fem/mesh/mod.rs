@@ -6,6 +6,7 @@
 //! | `cells`, `points` | [`Elements`] and [`Faces`] in blocks of one type; the numbering of the integration points |
 //! | `quadratic` | quadratic elements from linear ones |
 //! | `patches` | patches of linear elements that share one dilatation |
+//! | `part` | the part of a mesh that one rank holds |
 //! | [`gmsh`] | reading and writing of Gmsh `.msh` files, versions 2.2 and 4.1 |
 //! | [`shapes`] | the built-in box, dogbone and tube |
 //!
@@ -23,6 +24,7 @@ mod check;
 mod faces;
 pub mod gmsh;
 mod measure;
+mod part;
 pub(crate) mod parts;
 mod patches;
 mod points;
@@ -32,8 +34,11 @@ pub mod shapes;
 pub use cells::{Block, Cells, Elements, Faces};
 pub use check::MeshError;
 pub(super) use measure::longest_edge;
+pub use part::{Division, Part, Sizes};
 pub use points::{IntegrationPoint, PointNumbering};
 pub use quadratic::QuadraticHexahedron;
+
+use std::sync::Arc;
 
 /// A mesh: node positions in meters, elements with their regions, named surfaces.
 ///
@@ -56,6 +61,7 @@ pub struct Mesh {
     regions: Vec<String>,
     surfaces: Vec<Surface>,
     patches: Vec<Vec<u32>>,
+    part: Option<Arc<Part>>,
 }
 
 /// A named set of faces on the boundary or between elements.
@@ -95,7 +101,7 @@ impl Mesh {
     ) -> Result<Self, MeshError> {
         let elements = elements.into();
         let points = PointNumbering::new(&elements);
-        let mut mesh = Self { nodes, elements, points, region_of, regions, surfaces, patches: Vec::new() };
+        let mut mesh = Self { nodes, elements, points, region_of, regions, surfaces, patches: Vec::new(), part: None };
         check::sizes(&mesh)?;
         check::nodes(&mesh)?;
         check::elements(&mesh)?;
@@ -116,7 +122,7 @@ impl Mesh {
     ) -> Result<Self, MeshError> {
         let regions = regions.iter().map(|&name| name.to_owned()).collect();
         let points = PointNumbering::new(&elements);
-        let mesh = Self { nodes, elements, points, region_of, regions, surfaces, patches: Vec::new() };
+        let mesh = Self { nodes, elements, points, region_of, regions, surfaces, patches: Vec::new(), part: None };
         check::nodes(&mesh)?;
         check::elements(&mesh)?;
         Ok(mesh)

@@ -2,6 +2,7 @@
 
 use std::fmt;
 use std::ops::Range;
+use std::sync::Arc;
 
 use super::cells::Elements;
 
@@ -12,6 +13,14 @@ pub struct PointNumbering {
     blocks: Vec<PointBlock>,
     elements: usize,
     points: usize,
+    whole: Option<InWhole>,
+}
+
+/// The numbers of the elements of a part of a mesh in the whole mesh, and those of their first points.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct InWhole {
+    elements: Arc<[u32]>,
+    first_points: Arc<[u32]>,
 }
 
 /// The points of consecutive elements of one type.
@@ -58,7 +67,13 @@ impl PointNumbering {
             blocks.push(PointBlock { first_element: block.range().start, first_point, per_element });
             first_point += per_element * block.len();
         }
-        Self { blocks, elements: elements.len(), points: first_point }
+        Self { blocks, elements: elements.len(), points: first_point, whole: None }
+    }
+
+    /// Numbers the points of a part of a mesh, given the numbers of its elements and of their first points in the whole
+    /// mesh.
+    pub(super) fn of_part(elements: &Elements, in_whole: &Arc<[u32]>, first_points: Arc<[u32]>) -> Self {
+        Self { whole: Some(InWhole { elements: Arc::clone(in_whole), first_points }), ..Self::new(elements) }
     }
 
     /// Number of points.
@@ -87,7 +102,8 @@ impl PointNumbering {
         first..first + block.per_element
     }
 
-    /// Returns the element of a point, and the position of the point within it.
+    /// Returns the element of a point, and the position of the point within it. In a part of a mesh, the element has
+    /// its number in the whole mesh.
     ///
     /// # Panics
     /// Panics if the point does not exist.
@@ -95,11 +111,25 @@ impl PointNumbering {
         assert!(point < self.points, "point {point} of {}", self.points);
         let block = self.blocks[self.blocks.partition_point(|block| block.first_point <= point) - 1];
         let number = point - block.first_point;
+        let element = block.first_element + number / block.per_element;
         IntegrationPoint {
-            element: (block.first_element + number / block.per_element) as u32,
+            element: self.whole.as_ref().map_or(element as u32, |whole| whole.elements[element]),
             point: (number % block.per_element) as u16,
             points: block.per_element as u16,
         }
+    }
+
+    /// Returns the number of a point in the whole mesh, if this is a part of one.
+    ///
+    /// # Panics
+    /// Panics if the point does not exist.
+    pub fn in_whole(&self, point: usize) -> usize {
+        assert!(point < self.points, "point {point} of {}", self.points);
+        let Some(whole) = &self.whole else { return point };
+        let block = self.blocks[self.blocks.partition_point(|block| block.first_point <= point) - 1];
+        let number = point - block.first_point;
+        let element = block.first_element + number / block.per_element;
+        whole.first_points[element] as usize + number % block.per_element
     }
 
     /// Returns the value of the element of each point, given one value per element.

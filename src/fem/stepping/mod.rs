@@ -44,6 +44,7 @@
 //! # }
 //! ```
 
+mod body_part;
 mod error;
 mod increments;
 mod observer;
@@ -53,6 +54,7 @@ mod system;
 
 use std::sync::Arc;
 
+pub use body_part::BodyPart;
 pub use error::{SetupError, StepFailure, SteppingError};
 pub use increments::{AdaptiveIncrements, IncrementControl};
 pub use observer::{ConvergedStep, FailedAttempt, Iterating, StepObserver};
@@ -82,6 +84,8 @@ pub struct Stepper<B: Backend, P> {
     choice: Option<SolverChoice>,
     /// Whether the first iteration of a step uses the factorization of its linearized start.
     reuses_factorization: bool,
+    /// Number of unknowns of the whole body.
+    unknowns: usize,
     /// Number of converged full steps.
     completed_steps: usize,
     increments: Increments,
@@ -151,7 +155,7 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
         mesh: Arc<Mesh>,
         conditions: &Conditions,
         field: P,
-        mut params: StepParams,
+        params: StepParams,
     ) -> Result<Self, SetupError<P::Error, B::Error>> {
         assert_eq!(order.len(), mesh.nodes().len(), "the order has one entry per node");
         let boundary = Boundary::new(&mesh, conditions)?;
@@ -168,22 +172,64 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
         assembler.locate_constraints(&constraints, &system.matrix).map_err(SolveError::Backend)?;
         let break_points = merged(boundary.break_points(), constraints.break_points());
         let body = Equilibrium::constrained(mesh, boundary, constraints, assembler, field)?;
+        let unknowns = pattern.rows();
+        Ok(Self::assembled(body, system, (choice, has_costly_factorization), (unknowns, break_points), params))
+    }
+
+    /// Creates a stepper for a part of a body; all ranks call it, and all other methods, alike. The point field has the points
+    /// of the part, and must fail on all ranks if it fails on one. `context` is that of all ranks.
+    ///
+    /// # Errors
+    /// As for [`Stepper::new`]. Returns [`SolveError::Unsupported`] if the backend does not distribute systems
+    /// ([`Backend::with_rows`]).
+    pub fn on_part(
+        context: &B::Context,
+        part: BodyPart,
+        field: P,
+        params: StepParams,
+    ) -> Result<Self, SetupError<P::Error, B::Error>> {
+        let BodyPart { mesh, boundary, unknowns, rows, solver, choice, has_costly_factorization, break_points } = part;
+        let (own, total) = (rows.own.len(), rows.total);
+        let context = B::with_rows(context, rows).map_err(SolveError::Backend)?.ok_or(SolveError::Unsupported {
+            backend: B::NAME,
+            what: "a linear system of which every rank holds a part",
+            cure: "use a backend that distributes systems, or let every rank hold the whole body",
+        })?;
+        let geometry = assembly::geometry(&mesh)?;
+        let pattern = Arc::new(unknowns.pattern(&mesh)?.first_rows(own));
+        let symbolic = B::analyze(&context, &pattern, &solver)?;
+        let system = NewtonSystem::new(&context, &pattern, &symbolic)?;
+        let mut assembler = Assembler::new(geometry, &unknowns, &system.matrix).map_err(SolveError::Backend)?;
+        assembler.locate_loads(boundary.loads(), &system.matrix).map_err(SolveError::Backend)?;
+        assembler.count_own_points(&mesh);
+        let body = Equilibrium::on_part((context, total), mesh, boundary, assembler, field)?;
+        Ok(Self::assembled(body, system, (choice, has_costly_factorization), (total, break_points), params))
+    }
+
+    fn assembled(
+        body: Equilibrium<B, P>,
+        system: NewtonSystem<B>,
+        (choice, has_costly_factorization): (Option<SolverChoice>, bool),
+        (unknowns, break_points): (usize, Vec<f64>),
+        mut params: StepParams,
+    ) -> Self {
         if choice.is_some() {
             params.newton.forcing = params.newton.forcing.or_else(|| Some(Forcing::default()));
         }
         let increments = Increments::new(&params);
         let reuses_factorization = has_costly_factorization && body.field().is_cheap();
-        Ok(Self {
+        Self {
             body,
             system,
             params,
             choice,
             reuses_factorization,
+            unknowns,
             completed_steps: 0,
             increments,
             break_points,
             undeformed: true,
-        })
+        }
     }
 
     /// Returns the last converged state.
@@ -221,9 +267,9 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
         self.params.count
     }
 
-    /// Returns the number of unknowns of the linear system.
+    /// Returns the number of unknowns of the linear system, on all ranks.
     pub fn unknowns(&self) -> usize {
-        self.system.residual.len()
+        self.unknowns
     }
 
     /// Returns the solver of the linear systems if it was chosen by their size.
@@ -347,6 +393,7 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
             mesh: self.body.mesh(),
             state: self.body.committed(),
             forces: self.body.forces(),
+            region_volumes: self.body.region_volumes(),
             constraints: self.body.constraints(),
             field: self.body.field(),
         }
@@ -368,8 +415,8 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
         const MAX_REPLACEMENTS: usize = 5;
         // An attempt depends on the committed state alone: not on earlier ones, which a resumed run does not repeat.
         self.system.start_anew();
-        let unknowns = self.unknowns();
-        self.body.set_near_null_space(unknowns, &mut self.system.solver).map_err(|error| {
+        let own_unknowns = self.system.residual.len();
+        self.body.set_near_null_space(own_unknowns, &mut self.system.solver).map_err(|error| {
             Self::failed(NewtonFailure { reason: NewtonError::Solve(error), report: Box::default() })
         })?;
         solves.push(self.start(t, report, watch)?);

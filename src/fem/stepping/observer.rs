@@ -77,6 +77,8 @@ pub struct ConvergedStep<'a, P> {
     pub state: &'a BodyState,
     /// Areas, forces and mean displacements of all surfaces; forces and displacements of the point conditions.
     pub forces: BoundaryForces,
+    /// Volume of each region, m^3, in the order of [`Mesh::regions`].
+    pub region_volumes: Vec<f64>,
     /// The volume constraints, whose states are [`BodyState::volumes`].
     pub constraints: &'a Constraints,
     /// The point field, for data other than stresses.

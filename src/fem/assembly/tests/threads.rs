@@ -59,7 +59,8 @@ fn evaluate(mesh: &Mesh, kinematics: &Arc<Kinematics>, prescribed: impl Fn([f64;
         geometry.add_linearized_pressure_forces(&pressures, &displacements, &increments, &mut pressure_forces);
         assembler.stiffness(&displacements, &motions, &responses, &mut matrix).unwrap();
         assembler.pressure_stiffness(&pressures, &displacements, &motions, &mut matrix).unwrap();
-        let norms = [assembler.rounding_error(&responses.tangent), assembler.free_norm(&mut forces.clone(), &motions)];
+        let norms =
+            [assembler.rounding_error(&responses.tangent), assembler.free_squares(&mut forces.clone(), &motions)];
         Results {
             gradients,
             responses,

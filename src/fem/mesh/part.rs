@@ -1,0 +1,254 @@
+//! The part of a mesh that one rank holds.
+
+use std::sync::Arc;
+
+use super::{Elements, Faces, Mesh, PointNumbering, Surface};
+
+/// The division of a mesh among ranks.
+///
+/// Every element belongs to one rank, and every node to the lowest rank among those of its elements.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Division {
+    /// The rank of each element.
+    pub rank_of_element: Vec<u32>,
+    /// The rank of each node.
+    pub rank_of_node: Vec<u32>,
+    /// The number of ranks.
+    pub ranks: usize,
+}
+
+/// The place of a part of a mesh in the whole mesh.
+///
+/// A part has its **own** elements and nodes, and **ghosts** of others: all elements at an own node, all elements of
+/// their patches, and the nodes of all these elements. Sums over the elements at an own node are therefore complete.
+/// Nodes and elements of a part are in the order of the whole mesh.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Part {
+    /// The rank that holds the part.
+    pub rank: usize,
+    /// The number of ranks.
+    pub ranks: usize,
+    /// The number in the whole mesh of each node.
+    pub nodes: Vec<u32>,
+    /// Whether each node is an own one.
+    pub is_own_node: Vec<bool>,
+    /// The number in the whole mesh of each element.
+    pub elements: Arc<[u32]>,
+    /// Whether each element is an own one.
+    pub is_own_element: Vec<bool>,
+    /// The numbers of nodes, elements and integration points of the whole mesh.
+    pub whole: Sizes,
+}
+
+/// The size of a mesh.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sizes {
+    /// Number of nodes.
+    pub nodes: usize,
+    /// Number of elements.
+    pub elements: usize,
+    /// Number of integration points.
+    pub points: usize,
+}
+
+impl Division {
+    /// Divides a mesh, given the rank of each element.
+    ///
+    /// # Panics
+    /// Panics if `rank_of_element` does not have one entry per element.
+    pub fn new(mesh: &Mesh, rank_of_element: Vec<u32>, ranks: usize) -> Self {
+        assert_eq!(rank_of_element.len(), mesh.elements.len(), "one rank per element");
+        let mut rank_of_node = vec![u32::MAX; mesh.nodes.len()];
+        for (nodes, &rank) in mesh.elements.iter().zip(&rank_of_element) {
+            for &node in nodes {
+                let of_node = &mut rank_of_node[node as usize];
+                *of_node = rank.min(*of_node);
+            }
+        }
+        Self { rank_of_element, rank_of_node, ranks }
+    }
+
+    /// Returns the nodes in the order of their ranks, those of one rank ascending.
+    pub fn node_order(&self) -> Vec<u32> {
+        let mut order: Vec<u32> = (0..self.rank_of_node.len() as u32).collect();
+        order.sort_by_key(|&node| self.rank_of_node[node as usize]);
+        order
+    }
+}
+
+impl Part {
+    /// Returns the number in this part of a node of the whole mesh; `None` if the part does not have it.
+    pub fn local_node(&self, node: u32) -> Option<u32> {
+        self.nodes.binary_search(&node).ok().map(|local| local as u32)
+    }
+
+    /// Returns the number in this part of an own node of the whole mesh; `None` if it belongs to another rank.
+    pub fn own_node(&self, node: u32) -> Option<u32> {
+        self.local_node(node).filter(|&local| self.is_own_node[local as usize])
+    }
+
+    /// Returns the faces of the whole mesh with at least one own node, by the nodes of this part, and their numbers.
+    pub fn faces(&self, faces: &Faces) -> (Faces, Vec<usize>) {
+        let (mut of_part, mut numbers) = (Faces::default(), Vec::new());
+        for (number, (face_type, nodes)) in faces.typed().enumerate() {
+            let local: Option<Vec<u32>> = nodes.iter().map(|&node| self.local_node(node)).collect();
+            // All nodes of a face with an own node belong to an element at that node, and are in the part.
+            let Some(local) = local else { continue };
+            if local.iter().any(|&node| self.is_own_node[node as usize]) {
+                of_part.push(face_type, &local);
+                numbers.push(number);
+            }
+        }
+        (of_part, numbers)
+    }
+}
+
+impl Mesh {
+    /// Returns the part of a rank. Regions and surfaces keep their numbers, although some may be empty here; surfaces
+    /// have the faces with an own node.
+    ///
+    /// # Panics
+    /// Panics if the division does not have one rank per element and per node.
+    pub fn divided(&self, division: &Division, rank: usize) -> Self {
+        let Division { rank_of_element, rank_of_node, ranks } = division;
+        let own = rank as u32;
+        let mut is_held: Vec<bool> = (self.elements.iter().zip(rank_of_element))
+            .map(|(nodes, &of)| of == own || nodes.iter().any(|&node| rank_of_node[node as usize] == own))
+            .collect();
+        for patch in &self.patches {
+            if patch.iter().any(|&element| is_held[element as usize]) {
+                patch.iter().for_each(|&element| is_held[element as usize] = true);
+            }
+        }
+        let elements: Vec<u32> = (0..is_held.len() as u32).filter(|&element| is_held[element as usize]).collect();
+        let mut nodes: Vec<u32> =
+            elements.iter().flat_map(|&element| &self.elements[element as usize]).copied().collect();
+        nodes.sort_unstable();
+        nodes.dedup();
+        let part = Part {
+            rank,
+            ranks: *ranks,
+            is_own_node: nodes.iter().map(|&node| rank_of_node[node as usize] == own).collect(),
+            is_own_element: elements.iter().map(|&element| rank_of_element[element as usize] == own).collect(),
+            nodes,
+            elements: elements.into(),
+            whole: self.sizes(),
+        };
+        self.restricted(part)
+    }
+
+    /// Returns the numbers of nodes, elements and points.
+    fn sizes(&self) -> Sizes {
+        Sizes { nodes: self.nodes.len(), elements: self.elements.len(), points: self.points.len() }
+    }
+
+    fn restricted(&self, part: Part) -> Self {
+        let place = |node: u32| part.local_node(node).unwrap_or_default();
+        let held = part.elements.iter().filter_map(|&element| self.elements.get(element as usize));
+        let elements = held.collect::<Elements>().map(place);
+        let surface = |surface: &Surface| Surface { name: surface.name.clone(), faces: part.faces(&surface.faces).0 };
+        let local_element = |element: &u32| part.elements.binary_search(element).ok().map(|local| local as u32);
+        // Either all elements of a patch are held, or none.
+        let patches = self.patches.iter().filter_map(|patch| patch.iter().map(local_element).collect());
+        let first_points = |element: &u32| self.points.of_element(*element as usize).start as u32;
+        let first_points: Arc<[u32]> = part.elements.iter().map(first_points).collect();
+        Self {
+            nodes: part.nodes.iter().map(|&node| self.nodes[node as usize]).collect(),
+            points: PointNumbering::of_part(&elements, &part.elements, first_points),
+            elements,
+            region_of: part.elements.iter().map(|&element| self.region_of[element as usize]).collect(),
+            regions: self.regions.clone(),
+            surfaces: self.surfaces.iter().map(surface).collect(),
+            patches: patches.collect(),
+            part: Some(Arc::new(part)),
+        }
+    }
+
+    /// Returns the place of this mesh in a whole one, if it is a part.
+    pub fn part(&self) -> Option<&Arc<Part>> {
+        self.part.as_ref()
+    }
+
+    /// Returns the size of the whole mesh.
+    pub fn whole(&self) -> Sizes {
+        self.part.as_ref().map_or_else(|| self.sizes(), |part| part.whole)
+    }
+
+    /// Returns true if a node belongs to this rank; all nodes of a mesh that is not divided do.
+    pub fn is_own_node(&self, node: u32) -> bool {
+        self.part.as_ref().is_none_or(|part| part.is_own_node[node as usize])
+    }
+
+    /// Returns true if an element belongs to this rank; all elements of a mesh that is not divided do.
+    pub fn is_own_element(&self, element: usize) -> bool {
+        self.part.as_ref().is_none_or(|part| part.is_own_element[element])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fem::mesh::shapes;
+
+    fn divided(mesh: &Mesh, ranks: usize) -> Vec<Mesh> {
+        let elements = mesh.elements().len();
+        let rank_of: Vec<u32> = (0..elements).map(|element| (element * ranks / elements) as u32).collect();
+        let division = Division::new(mesh, rank_of, ranks);
+        (0..ranks).map(|rank| mesh.divided(&division, rank)).collect()
+    }
+
+    #[test]
+    fn every_node_and_element_belongs_to_one_rank() {
+        let mesh = shapes::cuboid([3, 2, 9], [3.0, 2.0, 9.0]).unwrap();
+        let parts = divided(&mesh, 3);
+        let (mut nodes, mut elements) = (vec![0; mesh.nodes().len()], vec![0; mesh.elements().len()]);
+        for part in &parts {
+            let place = part.part().unwrap();
+            for (local, &node) in (0..).zip(&place.nodes) {
+                assert_eq!(part.nodes()[local as usize], mesh.nodes()[node as usize]);
+                nodes[node as usize] += usize::from(part.is_own_node(local));
+            }
+            for (local, &element) in place.elements.iter().enumerate() {
+                let of_whole: Vec<u32> = part.elements()[local].iter().map(|&n| place.nodes[n as usize]).collect();
+                assert_eq!(of_whole, mesh.elements()[element as usize]);
+                elements[element as usize] += usize::from(part.is_own_element(local));
+                assert_eq!(part.points().locate(part.points().of_element(local).start).element, element);
+            }
+            assert_eq!(part.whole(), mesh.whole());
+        }
+        assert!(nodes.iter().chain(&elements).all(|&count| count == 1));
+        assert!(parts.iter().all(|part| part.elements().len() < mesh.elements().len()));
+    }
+
+    /// Forces at own nodes, and the patches that elements belong to, need all elements there.
+    #[test]
+    fn a_part_has_all_elements_at_its_own_nodes_and_whole_patches() {
+        let mesh = shapes::cuboid([4, 3, 2], [4.0, 3.0, 2.0]).unwrap().with_patches(|_| true);
+        let at = |mesh: &Mesh, node: u32| mesh.elements().iter().filter(|nodes| nodes.contains(&node)).count();
+        let mut patches = 0;
+        for part in divided(&mesh, 4) {
+            let place = part.part().unwrap();
+            for (local, &node) in (0..).zip(&place.nodes).filter(|&(local, _)| part.is_own_node(local)) {
+                assert_eq!(at(&part, local), at(&mesh, node));
+            }
+            for patch in part.patches() {
+                let whole: Vec<u32> = patch.iter().map(|&element| place.elements[element as usize]).collect();
+                assert!(mesh.patches().contains(&whole));
+            }
+            patches += part.patches().len();
+        }
+        assert!(patches > mesh.patches().len(), "ghost patches");
+    }
+
+    #[test]
+    fn surfaces_have_the_faces_at_own_nodes() {
+        let mesh = shapes::cuboid([4, 2, 2], [4.0, 2.0, 2.0]).unwrap();
+        for part in divided(&mesh, 3) {
+            let place = part.part().unwrap();
+            for (surface, whole) in part.surfaces().iter().zip(mesh.surfaces()) {
+                let has_own = |nodes: &&[u32]| nodes.iter().any(|&node| place.own_node(node).is_some());
+                assert_eq!(surface.faces.len(), whole.faces.iter().filter(has_own).count());
+            }
+        }
+    }
+}

@@ -1,0 +1,75 @@
+//! The part of a body that one rank holds.
+
+use std::sync::Arc;
+
+use super::system::LinearSystem;
+use super::{SetupError, StepParams};
+use crate::fem::assembly::Unknowns;
+use crate::fem::boundary::{Boundary, Conditions};
+use crate::fem::mesh::{Division, Mesh};
+use crate::las::{Backend, RankRows, SolverChoice, SolverParams};
+
+/// The part of a body that one rank holds, with its rows of the linear system, ready for
+/// [`Stepper::on_part`](super::Stepper::on_part). Of the whole body it keeps nothing but numbers.
+#[derive(Debug)]
+pub struct BodyPart {
+    pub(super) mesh: Arc<Mesh>,
+    pub(super) boundary: Boundary,
+    /// The unknowns of the part, by local numbers.
+    pub(super) unknowns: Unknowns,
+    pub(super) rows: RankRows,
+    pub(super) solver: SolverParams,
+    pub(super) choice: Option<SolverChoice>,
+    pub(super) has_costly_factorization: bool,
+    pub(super) break_points: Vec<f64>,
+}
+
+impl BodyPart {
+    /// Divides a body. `boundary` holds the conditions, resolved on the whole mesh. Every rank passes the same body and keeps the part of
+    /// `rank`; nothing is communicated. `None` if the body cannot be divided: one with volume constraints, rigid surfaces or
+    /// loads that cannot ([`Load::on_part`](crate::fem::boundary::Load::on_part)); every rank then holds the whole body.
+    ///
+    /// # Errors
+    /// Returns [`SetupError`] if the linear system would be too large.
+    ///
+    /// # Panics
+    /// Panics if the division is not one of this mesh.
+    pub fn new<B: Backend, E: std::fmt::Display>(
+        mesh: &Mesh,
+        boundary: &Boundary,
+        conditions: &Conditions,
+        division: &Division,
+        rank: usize,
+        params: &StepParams,
+    ) -> Result<Option<Self>, SetupError<E, B::Error>> {
+        if !conditions.constraints.is_empty() {
+            return Ok(None);
+        }
+        let of_part = mesh.divided(division, rank);
+        let Some(part) = of_part.part() else { return Ok(None) };
+        let Ok(own_boundary) = boundary.on_part(part) else { return Ok(None) };
+        let order = division.node_order();
+        let system = LinearSystem::new::<B>(&order, mesh, boundary, 0, params)?;
+        let (unknowns, rows) = system.unknowns.on_part(division, part, own_boundary.kinematics());
+        Ok(Some(Self {
+            boundary: own_boundary,
+            unknowns,
+            rows,
+            solver: system.solver,
+            choice: system.choice,
+            has_costly_factorization: system.has_costly_factorization,
+            break_points: boundary.break_points(),
+            mesh: Arc::new(of_part),
+        }))
+    }
+
+    /// Returns the mesh.
+    pub fn mesh(&self) -> &Arc<Mesh> {
+        &self.mesh
+    }
+
+    /// Returns the rows of the linear system that the rank owns, and its ghost rows.
+    pub fn rows(&self) -> &RankRows {
+        &self.rows
+    }
+}
