@@ -11,6 +11,7 @@ pub mod case;
 mod cell_fields;
 pub mod checkpoint;
 pub mod expression;
+mod field_files;
 mod formula_fibers;
 pub mod macro_scale;
 pub mod material_fields;

@@ -2,31 +2,24 @@
 
 use std::path::{Path, PathBuf};
 
-use nalgebra::Matrix3;
-
 use super::case::{Case, SurfaceLoad};
-use super::cell_fields::CellFields;
 use super::checkpoint;
-use super::formula_fibers::FormulaFibers;
-use super::results::collection::{Entry, field_file, index_file, partial, point_file, point_index_file};
+use super::field_files::{FieldFiles, FieldNames, FieldState, PieceIndex};
+use super::results::collection::Entry;
 use super::results::log::{
     Balance, Cut, Event, Factorizations, LinearLog, LogWriter, NewtonLog, NewtonSeconds, RankTimes, Ranks, RveLog, Step,
 };
 use super::results::{
-    self, CASE_FILE, Collection, FIELDS_FILE, FieldFile, FieldSet, LOADS_FILE, LOG_FILE, LoadNames, LoadRow,
-    LoadsWriter, POINTS_FILE, ResultsError, ResultsRecord, RigidRow, RunProgress, SurfaceRow, failed_rve_file,
-    write_pieces, write_point_pieces, write_points, write_vtu,
+    self, CASE_FILE, Collection, FIELDS_FILE, FieldFile, LOADS_FILE, LOG_FILE, LoadNames, LoadRow, LoadsWriter,
+    POINTS_FILE, ResultsError, ResultsRecord, RigidRow, RunProgress, SurfaceRow, failed_rve_file,
 };
 use super::rve_files::NetworkFiles;
-use crate::app::stress::CauchyStress;
-use crate::fem::constraint::Constraints;
-use crate::fem::equilibrium::BodyState;
 use crate::fem::mesh::Mesh;
 use crate::fem::reactions::{BoundaryForces, RigidForce, SurfaceForce};
 use crate::fem::stepping::{ConvergedStep, FailedAttempt, Iterating};
 use crate::las::{self, NewtonReport, SolveReport};
 use crate::output;
-use crate::tissue::micro_scale::{FailedRve, RveStats, RveStatus, TissueMaterial};
+use crate::tissue::micro_scale::{FailedRve, RveCounts, RveStats, TissueMaterial};
 
 /// An observer of the progress of a run.
 pub trait Progress {
@@ -70,19 +63,13 @@ pub(super) struct ResumePoint {
 /// The result directory of a run in progress.
 pub(super) struct Recorder<'a> {
     dir: PathBuf,
-    every: usize,
+    files: FieldFiles,
     loads: LoadsWriter,
     log: LogWriter,
     fields: Collection,
     /// The collection of integration points, if they are written.
     points: Option<Collection>,
     networks: NetworkFiles,
-    /// Reference volume of every integration point.
-    volumes: Vec<f64>,
-    /// Region of every integration point.
-    region_of: Vec<u32>,
-    fibers: FormulaFibers,
-    stress: CauchyStress,
     /// The field files in the collection.
     written: Vec<FieldFile>,
     progress: &'a mut dyn Progress,
@@ -142,23 +129,19 @@ impl<'a> Recorder<'a> {
         };
         let listed = fields.entries().iter().map(|entry| FieldFile::new(dir, entry.time, &entry.file));
         let written = listed.collect::<Result<_, ResultsError>>()?;
-        let networks = NetworkFiles::open(dir, rves, mesh.points(), resumed.map(|on| on.progress))?;
+        let networks = NetworkFiles::open(dir, rves, mesh.whole_points(), resumed.map(|on| on.progress))?;
         if let Some(on) = resumed {
             // No collection lists them any more.
             results::clear_after(dir, on.progress.steps)?;
         }
         Ok(Self {
             dir: dir.to_owned(),
-            every: case.output.every,
+            files: FieldFiles::new(dir, case, mesh),
             loads,
             log,
             fields,
             points: case.output.points.then_some(points),
             networks,
-            volumes: mesh.point_volumes(),
-            region_of: mesh.points().spread(mesh.region_of()),
-            fibers: FormulaFibers::new(case, mesh),
-            stress: CauchyStress::new(case, mesh),
             progress,
             started: std::time::Instant::now(),
             failed_rve: None,
@@ -205,84 +188,24 @@ impl<'a> Recorder<'a> {
         })
     }
 
-    /// Writes the fields and the networks of a state: that of a full step, or of a substep after it.
+    /// Writes the fields and the networks of a state. In a divided body, the ranks have written the pieces, and `index`
+    /// names them.
     fn write_fields<M: TissueMaterial>(
         &mut self,
-        (step, whole): (usize, bool),
-        mesh: &Mesh,
-        (state, constraints): (&BodyState, &Constraints),
-        field: &M,
+        of: &FieldState<'_, M>,
+        index: Option<&PieceIndex>,
     ) -> Result<(), ResultsError> {
-        let pressures = constraints.region_pressures(&state.volumes, self.region_of.len());
-        let pressure_at = |point: usize| pressures.as_ref().map_or(0.0, |pressures| pressures[point]);
-        let stress = |point: usize, f: &_, pk1: &_| {
-            let of_material = self.stress.of(self.region_of[point], f, pk1);
-            of_material - Matrix3::from_diagonal_element(pressure_at(point))
+        let FieldNames { fields, points } = match index {
+            None => self.files.write(of)?,
+            Some(index) => self.files.write_index(of, index)?,
         };
-        let families = |point: usize, f: &_| self.fibers.at(field.library(), (self.region_of[point], point), f);
-        let status = |point| field.sites().status(point);
-        let points = CellFields::new(state, stress, families, &field.summaries(), status);
-        self.write_points((step, whole), mesh, state, &points, field)?;
-        let cells = points.averaged(mesh.points(), &self.volumes);
-        let region: Vec<i64> = mesh.region_of().iter().map(|&region| region.into()).collect();
-        let rank: Vec<i64> =
-            (0..region.len()).map(|element| field.rank_of(mesh.points().of_element(element).start) as i64).collect();
-        let fields = FieldSet {
-            points: mesh.nodes(),
-            elements: mesh.elements(),
-            point_vectors: vec![("displacement", &state.displacements)],
-            cell_scalars: vec![
-                ("von_mises_stress", &cells.von_mises),
-                ("energy_density", &cells.energy),
-                ("fiber_alignment", &cells.alignment),
-                ("stretch_min", &cells.stretch_min),
-                ("stretch_max", &cells.stretch_max),
-            ],
-            cell_integers: vec![
-                ("rve_iterations", &cells.iterations),
-                ("rve_status", &cells.status),
-                ("network", &cells.network),
-                ("region", &region),
-                ("rank", &rank),
-            ],
-            cell_vectors: vec![("fiber_direction", &cells.direction)],
-            cell_tensors: vec![
-                ("cauchy_stress", &cells.cauchy),
-                ("deformation_gradient", &cells.gradient),
-                ("fiber_orientation", &cells.orientation),
-            ],
-        };
-        let of_step = if field.shards().is_some() { index_file(step) } else { field_file(step) };
-        let file = if whole { of_step } else { partial(&of_step) };
-        let path = self.dir.join(&file);
-        match field.shards() {
-            None => write_vtu(&path, &fields)?,
-            Some((shard_of, shards)) => write_pieces(&path, &fields, shard_of, shards)?,
+        let t = of.state.t;
+        if let (Some(collection), Some(points)) = (&mut self.points, &points) {
+            collection.add(t, points)?;
         }
-        self.fields.add(state.t, &file)?;
-        self.written.push(FieldFile::new(&self.dir, state.t, &file)?);
-        self.networks.write((step, whole), state.t, field)
-    }
-
-    /// Writes the values at the integration points, if they are requested.
-    fn write_points<M: TissueMaterial>(
-        &mut self,
-        (step, whole): (usize, bool),
-        mesh: &Mesh,
-        state: &BodyState,
-        values: &CellFields,
-        field: &M,
-    ) -> Result<(), ResultsError> {
-        let Some(collection) = &mut self.points else { return Ok(()) };
-        let of_step = if field.shards().is_some() { point_index_file(step) } else { point_file(step) };
-        let file = if whole { of_step } else { partial(&of_step) };
-        let path = self.dir.join(&file);
-        let cloud = values.cloud(mesh, state, &self.volumes, &self.region_of, |point| field.rank_of(point));
-        match field.shards() {
-            None => write_points(&path, &cloud)?,
-            Some((shard_of, shards)) => write_point_pieces(&path, &cloud, &mesh.points().spread(shard_of), shards)?,
-        }
-        collection.add(state.t, &file)
+        self.fields.add(t, &fields)?;
+        self.written.push(FieldFile::new(&self.dir, t, &fields)?);
+        self.networks.write(of.step, t, of.field)
     }
 
     /// Writes the times of all ranks, one entry per trial state.
@@ -317,30 +240,34 @@ impl<'a> Recorder<'a> {
         self.failed_rve.as_deref()
     }
 
-    /// Writes the fields of the last converged state if they are not written yet, for a run that fails between two
-    /// outputs or within a step that was halved. `step` is the last full step.
+    /// Returns true if the fields of the last converged state, at pseudo-time `t`, are to be written when a run fails between
+    /// two outputs or within a step that was halved: if no fields of this state are written yet.
+    pub fn lacks_fields(&self, t: f64) -> bool {
+        let written = self.fields.entries().last().map_or(0.0, |entry| entry.time);
+        self.files.are_written() && t > written
+    }
+
+    /// Writes the fields of the last converged state.
     pub fn write_last<M: TissueMaterial>(
         &mut self,
-        step: usize,
-        t_of_step: f64,
-        mesh: &Mesh,
-        (state, constraints): (&BodyState, &Constraints),
-        field: &M,
+        of: &FieldState<'_, M>,
+        index: Option<&PieceIndex>,
     ) -> Result<(), ResultsError> {
-        let written = self.fields.entries().last().map_or(0.0, |entry| entry.time);
-        if self.every == 0 || state.t <= written {
-            return Ok(());
-        }
-        self.write_fields((step, state.t <= t_of_step), mesh, (state, constraints), field)
+        self.write_fields(of, index)
     }
 }
 
 /// The callbacks of [`StepObserver`](crate::fem::stepping::StepObserver).
 impl Recorder<'_> {
-    pub fn converged<M: TissueMaterial>(&mut self, step: &ConvergedStep<'_, M>) -> Result<(), ResultsError> {
+    /// Records a step; in a divided body, `index` names the pieces of its fields if they are written.
+    pub fn converged<M: TissueMaterial>(
+        &mut self,
+        step: &ConvergedStep<'_, M>,
+        index: Option<&PieceIndex>,
+    ) -> Result<(), ResultsError> {
         self.write_loads(step)?;
-        if self.every > 0 && (step.step.is_multiple_of(self.every) || step.step == step.count) {
-            self.write_fields((step.step, true), step.mesh, (step.state, step.constraints), step.field)?;
+        if self.files.is_due(step.step, step.count) {
+            self.write_fields(&FieldState::of(step), index)?;
         }
         self.write_times(step.step, &step.field.take_times())?;
         let stats = step.field.take_stats();
@@ -356,7 +283,7 @@ impl Recorder<'_> {
             rounds: step.report.evolutions,
             augmentations: step.report.augmentations,
             newton,
-            rve: (step.field.sites().rves() > 0).then(|| rve_log(&stats, step.field)),
+            rve: Some(step.field.rve_counts()).filter(|counts| counts.rves > 0).map(|counts| rve_log(&stats, &counts)),
             balance: balance(&step.forces),
         };
         self.failed_rve = None;
@@ -446,10 +373,7 @@ fn load_names(case: &Case, mesh: &Mesh) -> LoadNames {
     }
 }
 
-fn rve_log(stats: &RveStats, field: &impl TissueMaterial) -> RveLog {
-    let sites = field.sites();
-    let statuses: Vec<RveStatus> = (0..sites.len()).filter_map(|element| sites.status(element)).collect();
-    let count = |status: RveStatus| statuses.iter().filter(|&&other| other == status).count() as u64;
+fn rve_log(stats: &RveStats, counts: &RveCounts) -> RveLog {
     RveLog {
         solves: stats.solves as u64,
         iterations_total: stats.iterations as u64,
@@ -467,8 +391,8 @@ fn rve_log(stats: &RveStats, field: &impl TissueMaterial) -> RveLog {
         replaced: stats.replaced as u64,
         reused: stats.reused as u64,
         seconds_cpu: stats.seconds,
-        asleep: count(RveStatus::Asleep),
-        waiting: count(RveStatus::Waiting),
-        deleted: count(RveStatus::Deleted),
+        asleep: counts.asleep as u64,
+        waiting: counts.waiting as u64,
+        deleted: counts.deleted as u64,
     }
 }

@@ -13,14 +13,14 @@ use super::results::{
 };
 use crate::fem::mesh::PointNumbering;
 use crate::input::{InputError, InputErrors};
-use crate::tissue::micro_scale::{DeformedNetwork, TissueMaterial};
+use crate::tissue::micro_scale::{DeformedNetwork, Sites, TissueMaterial};
 
 /// Returns the integration points whose networks a case requests, ascending: all points of the requested elements.
 ///
 /// # Errors
 /// Returns [`InputErrors`] that list all requested elements that do not exist or have no fibers.
-pub(super) fn points(case: &Case, field: &impl TissueMaterial) -> Result<Vec<usize>, InputErrors> {
-    let (points, sites) = (field.sites().points(), field.sites());
+pub(super) fn points(case: &Case, sites: &Sites) -> Result<Vec<usize>, InputErrors> {
+    let points = sites.points();
     let count = points.elements();
     let has_fibers = |element: usize| points.of_element(element).any(|point| sites.has_fibers(point));
     let ids = match &case.output.rve {

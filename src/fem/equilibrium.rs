@@ -32,6 +32,9 @@ pub enum EquilibriumError<E, F> {
     /// The point field failed at a point: `J <= 0`, or an RVE without equilibrium.
     #[error(transparent)]
     PointField(#[from] E),
+    /// The point field failed on another rank, at a point of its part of the body.
+    #[error("a point of another rank has no response")]
+    OtherRank,
     /// An operation of the backend failed.
     #[error(transparent)]
     Backend(F),
@@ -173,8 +176,8 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
     }
 
     /// Creates the part of a body that this rank holds: `mesh` is a part of a mesh, and `context` that of the linear
-    /// system of the part ([`Backend::with_rows`]); the whole body has this number of unknowns. All ranks call it, and all other methods, alike. The point field must
-    /// fail on all ranks if it fails on one.
+    /// system of the part ([`Backend::with_rows`]); the whole body has this number of unknowns. All ranks call it, and all
+    /// other methods, alike.
     ///
     /// # Errors
     /// As for [`Equilibrium::new`].
@@ -390,7 +393,13 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
     fn evaluate_points(&mut self) -> Result<(), EquilibriumError<P::Error, B::Error>> {
         let trial = &mut self.trial;
         self.assembler.deformation_gradients(&trial.displacements, &mut trial.gradients);
-        self.field.update(&trial.gradients, &mut trial.responses)?;
+        let updated = self.field.update(&trial.gradients, &mut trial.responses);
+        let mut failed = [f64::from(u8::from(updated.is_err()))];
+        self.ranks.max(&mut failed).map_err(EquilibriumError::Backend)?;
+        updated?;
+        if failed[0] > 0.0 {
+            return Err(EquilibriumError::OtherRank);
+        }
         self.assembler.internal_forces(&trial.displacements, &trial.responses.pk1, &mut trial.internal);
         Ok(())
     }

@@ -60,8 +60,8 @@ fn entry(line: &str) -> String {
 }
 
 impl Identity {
-    /// Returns the identity of a run.
-    pub fn new(backend: &str, case: &Case, mesh: &Mesh, field: &impl TissueMaterial) -> Self {
+    /// Returns the identity of a run on a mesh with this hash ([`hash_of_mesh`]).
+    pub fn new(backend: &str, case: &Case, mesh: u64, field: &impl TissueMaterial) -> Self {
         let mut networks = Fnv::new();
         for model in field.library().models() {
             hash_network(model.network(), &mut networks);
@@ -70,7 +70,7 @@ impl Identity {
             program: env!("CARGO_PKG_VERSION").into(),
             backend: backend.into(),
             case: text_of(case) + &fields_of(field),
-            mesh: hash_of_mesh(mesh),
+            mesh,
             networks: networks.finish(),
         }
     }
@@ -196,7 +196,8 @@ fn is_setting(section: &str, before: &str, now: &str) -> bool {
         || section == "[steps]" && (["max_cuts = ", "adaptive = "].into_iter().any(both))
 }
 
-fn hash_of_mesh(mesh: &Mesh) -> u64 {
+/// Returns the hash of nodes, elements, regions and surfaces of a mesh.
+pub fn hash_of_mesh(mesh: &Mesh) -> u64 {
     let mut hash = Fnv::new();
     hash.add_positions(mesh.nodes());
     hash_cells(mesh.elements(), &mut hash);

@@ -29,7 +29,7 @@ use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
-pub use identity::{Identity, Mismatch};
+pub use identity::{Identity, Mismatch, hash_of_mesh};
 
 use super::results::{CHECKPOINT_FOLDER, ResultsError, ResultsRecord, names_in, remove_as};
 use crate::fem::stepping::SavedState;

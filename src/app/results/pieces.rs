@@ -46,9 +46,17 @@ pub fn write_pieces(path: &Path, fields: &FieldSet, part_of: &[u32], parts: usiz
         write_piece(&path.with_file_name(&source), own, fields)?;
         sources.push(source);
     }
+    replace(path, &piece_index(&sources, fields).map_err(ResultsError::write(path))?)
+}
+
+/// Returns the text of the index file of pieces with the arrays of these fields; `sources` are the names of the pieces.
+///
+/// # Errors
+/// Returns the error of the XML writer.
+pub fn piece_index(sources: &[String], fields: &FieldSet) -> io::Result<Vec<u8>> {
     let of_points = Arrays::new(&[], &[], &fields.point_vectors, &[]);
     let of_cells = Arrays::new(&fields.cell_scalars, &fields.cell_integers, &fields.cell_vectors, &fields.cell_tensors);
-    replace(path, &index(&sources, &of_points, &of_cells).map_err(ResultsError::write(path))?)
+    index(sources, &of_points, &of_cells)
 }
 
 /// The declarations of arrays: each with its name, its type and its number of components.
@@ -103,8 +111,11 @@ fn arrays_and_sources(
     Ok(())
 }
 
-/// Writes the piece with these elements, ascending, and their points.
-fn write_piece(path: &Path, own: &[u32], fields: &FieldSet) -> Result<(), ResultsError> {
+/// Writes the piece with these elements, ascending, and their points, to `path`.
+///
+/// # Errors
+/// As for [`write_vtu`].
+pub fn write_piece(path: &Path, own: &[u32], fields: &FieldSet) -> Result<(), ResultsError> {
     let elements: Elements = own.iter().filter_map(|&element| fields.elements.get(element as usize)).collect();
     let mut points: Vec<u32> = elements.iter().flatten().copied().collect();
     points.sort_unstable();

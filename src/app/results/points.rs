@@ -4,6 +4,7 @@
 //! A vertex lies at the reference position of its point. ParaView draws points as glyphs or Gaussian points, and moves
 //! them by the vectors `displacement`.
 
+use std::io;
 use std::path::Path;
 
 use vtkio::IOBuffer;
@@ -88,9 +89,17 @@ pub fn write_point_pieces(path: &Path, cloud: &PointCloud, part_of: &[u32], part
         write_points(&path.with_file_name(&file), &cloud.select(own))?;
         files.push(file);
     }
+    replace(path, &point_piece_index(&files, cloud).map_err(ResultsError::write(path))?)
+}
+
+/// Returns the text of the index file of pieces with the arrays of this cloud; `sources` are the names of the pieces.
+///
+/// # Errors
+/// Returns the error of the XML writer.
+pub fn point_piece_index(sources: &[String], cloud: &PointCloud) -> io::Result<Vec<u8>> {
     let (vectors, tensors) = (borrow(&cloud.vectors), borrow(&cloud.tensors));
     let arrays = Arrays::new(&borrow(&cloud.scalars), &borrow(&cloud.integers), &vectors, &tensors);
-    replace(path, &index(&files, &arrays, &Arrays::default()).map_err(ResultsError::write(path))?)
+    index(sources, &arrays, &Arrays::default())
 }
 
 /// Reads points written by [`write_points`] or, if the name ends in `.pvtu`, by [`write_point_pieces`]; the points of
@@ -147,7 +156,7 @@ fn read_piece(path: &Path) -> Result<PointValues, ResultsError> {
 
 impl PointCloud {
     /// Returns these points, ascending, with their values.
-    fn select(&self, points: &[u32]) -> Self {
+    pub fn select(&self, points: &[u32]) -> Self {
         Self {
             positions: gather(&self.positions, points),
             scalars: select(&self.scalars, points),

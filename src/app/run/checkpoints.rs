@@ -3,9 +3,10 @@
 use std::path::Path;
 
 use super::writers::AgreedRecorder;
-use super::{ResumeError, Resumed, Simulation, WriterGroup, other_rank};
+use super::{ResumeError, Resumed, Simulation, WriterGroup, other_rank, whole_state};
 use crate::app::checkpoint::{self, Checkpoint, CheckpointError, Identity};
 use crate::app::results::{self, CHECKPOINT_FOLDER, ResultsError, ResultsRecord, RunProgress};
+use crate::fem::stepping::RestoreError;
 use crate::las::RealBackend;
 use crate::tissue::micro_scale::{PieceError, TissueMaterial};
 
@@ -26,6 +27,11 @@ impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
         let Checkpoint { path, state, sites, pieces, written } = checkpoint;
         let progress = RunProgress { steps: state.completed_steps, of: self.stepper.count() };
         warnings.extend(writers.on_writer(|| written.check(dir, progress))?);
+        // Of a divided body, only the ranks that hold the node would find it later.
+        if let Some(node) = state.node_not_finite() {
+            return Err(ResumeError::State(path, Box::new(RestoreError::NotFinite(node))));
+        }
+        let (state, sites) = whole_state::of_part(self.stepper.mesh(), state, sites);
         let restored = self.stepper.restore(&state, |field| field.restore_units(&sites, &folder, &pieces));
         restored.map_err(|reason| ResumeError::State(path, Box::new(reason)))?;
         self.written = written;
@@ -97,10 +103,12 @@ impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
             written = recorder.flush()?;
             checkpoint::create_folder(dir).map(drop)
         })?;
-        let pieces = field.save_units(&dir.join(CHECKPOINT_FOLDER), &checkpoint::stem(state.completed_steps));
+        let step = state.completed_steps;
+        let pieces = field.save_units(&dir.join(CHECKPOINT_FOLDER), &checkpoint::stem(step));
+        let mut whole = whole_state::gather(recorder.writers, self.stepper.mesh(), state, field.sites().saved());
         recorder.write(|recorder| {
-            let step = state.completed_steps;
-            checkpoint::write(dir, identity, state, written, field.sites().saved(), pieces?)?;
+            let Some((state, sites)) = std::mem::replace(&mut whole, Ok(None))? else { return Ok(()) };
+            checkpoint::write(dir, identity, state, written, sites, pieces?)?;
             recorder.saved(step);
             Ok(())
         })

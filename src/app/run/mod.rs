@@ -7,6 +7,7 @@
 //! | this one | the run itself ([`Simulation`]) |
 //! | `checkpoints` | resuming from a checkpoint, and writing one |
 //! | `outcome` | the errors and the result of a run, and of resuming it |
+//! | `whole_state` | the state of a divided body in a checkpoint |
 //! | `writers` | which process writes the results |
 
 mod checkpoints;
@@ -14,6 +15,7 @@ mod outcome;
 mod problem_size;
 mod rank_writers;
 mod setup;
+mod whole_state;
 mod writers;
 
 use std::path::{Path, PathBuf};
@@ -22,12 +24,13 @@ use std::time::Instant;
 pub use outcome::{ResumeError, Resumed, RunError, RunSummary};
 pub use problem_size::{NetworkSize, ProblemSize};
 pub use rank_writers::RootWriter;
-pub use setup::{Setup, SimulationError};
+pub use setup::{BodyRanks, Setup, SimulationError};
 pub use writers::WriterGroup;
 
 use self::writers::AgreedRecorder;
 use super::case::Case;
 use super::checkpoint::Identity;
+use super::field_files::{FieldFiles, FieldState};
 use super::recorder::{Progress, Recorder, ResumePoint};
 use super::results::log::{End, Event, Start};
 use super::results::{self, DirectoryLock, ResultsError, ResultsRecord, RunProgress};
@@ -43,6 +46,8 @@ use crate::tissue::micro_scale::{TissueField, TissueFieldError, TissueMaterial};
 pub struct Simulation<B: RealBackend, M = TissueField<B>> {
     case: Case,
     stepper: Stepper<B, M>,
+    /// The hash of the whole mesh.
+    mesh_hash: u64,
     /// The elements whose networks are written to the results.
     networks: Vec<usize>,
     warnings: Vec<String>,
@@ -77,7 +82,7 @@ impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
         &self.case
     }
 
-    /// Returns the mesh, in meters.
+    /// Returns the mesh, in meters; the part of this process if the body is divided.
     pub fn mesh(&self) -> &Mesh {
         self.stepper.mesh()
     }
@@ -129,7 +134,7 @@ impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
     }
 
     fn identity(&self) -> Identity {
-        Identity::new(B::NAME, &self.case, self.stepper.mesh(), self.stepper.field())
+        Identity::new(B::NAME, &self.case, self.mesh_hash, self.stepper.field())
     }
 
     /// Takes all remaining load steps and writes their results to the directory `dir`. A run from the beginning
@@ -174,7 +179,8 @@ impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
         let (case, mesh) = (&self.case, self.stepper.mesh());
         let opened = writers
             .on_writer(|| Recorder::open(dir, case, mesh, &self.networks, resumed.as_ref(), progress).map(Some))?;
-        let mut recorder = AgreedRecorder { recorder: opened, writers };
+        let pieces = mesh.part().map(|_| FieldFiles::new(dir, case, mesh));
+        let mut recorder = AgreedRecorder { recorder: opened, pieces, writers };
         let start_of_run = Event::Start(self.start_event(completed_steps));
         recorder.write(|recorder| recorder.log(&start_of_run))?;
         let outcome = self.take_steps(dir, &mut recorder);
@@ -183,10 +189,14 @@ impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
         let reason = match &outcome {
             Ok(_) => None,
             Err(error @ RunError::NotConverged { .. }) => {
-                let (state, field) = ((self.stepper.state(), self.stepper.constraints()), self.stepper.field());
-                let t = steps as f64 / self.stepper.count() as f64;
-                let mesh = self.stepper.mesh();
-                recorder.write(|recorder| recorder.write_last(steps, t, mesh, state, field))?;
+                let (state, t) = (self.stepper.state(), steps as f64 / self.stepper.count() as f64);
+                recorder.write_last(&FieldState {
+                    step: (steps, state.t <= t),
+                    mesh: self.stepper.mesh(),
+                    state,
+                    constraints: self.stepper.constraints(),
+                    field: self.stepper.field(),
+                })?;
                 Some(error.to_string())
             }
             // If results cannot be written, the end of the log cannot either; an interrupted run has no end.

@@ -57,8 +57,8 @@ impl ProblemSize {
         unknowns: usize,
         choice: Option<&SolverChoice>,
     ) -> Self {
-        let (models, sites) = (field.library().models(), field.sites());
-        let networks = models.iter().zip(sites.rves_per_model(models.len())).map(|(model, rves)| NetworkSize {
+        let (models, counts) = (field.library().models(), field.rve_counts());
+        let networks = models.iter().zip(counts.per_model).map(|(model, rves)| NetworkSize {
             name: model.network().name().to_owned(),
             unknowns: model.unknowns(),
             rves,
@@ -66,13 +66,13 @@ impl ProblemSize {
         // Every point has two states: the converged one and the trial one.
         let point_bytes = 2 * (1 + 9 + 9 + 81) * size_of::<f64>();
         Self {
-            elements: mesh.elements().len(),
-            nodes: mesh.nodes().len(),
+            elements: mesh.whole().elements,
+            nodes: mesh.whole().nodes,
             unknowns,
-            rves: sites.rves(),
+            rves: counts.rves,
             networks: networks.collect(),
             rve_bytes: field.rve_bytes(),
-            body_bytes: point_bytes * mesh.points().len(),
+            body_bytes: point_bytes * mesh.whole().points,
             solver: match (choice, case.newton.solver) {
                 (Some(choice), _) => choice.to_string(),
                 (None, Some(solver)) => solver.to_string(),

@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 use super::other_rank;
 use crate::app::results::ResultsError;
 use crate::app::run::WriterGroup;
-use crate::las::{Comm, Disagreement};
+use crate::las::{Comm, Disagreement, Message};
 
 /// The [`WriterGroup`] of several ranks: the root writes.
 pub struct RootWriter<'a, C: Comm> {
@@ -33,6 +33,11 @@ impl<C: Comm> WriterGroup for RootWriter<'_, C> {
         let mut most = [f64::from(u8::from(condition))];
         self.comm.max(&mut most).map_err(other_rank)?;
         Ok(most[0] > 0.0)
+    }
+
+    fn gather(&self, own: Message) -> Result<Option<Vec<Message>>, ResultsError> {
+        self.check_connected()?;
+        self.comm.gather(0, own).map_err(other_rank)
     }
 
     fn agree_on(&self, number: usize) -> Result<(), ResultsError> {

@@ -6,20 +6,22 @@ use thiserror::Error;
 
 use super::Simulation;
 use super::problem_size::ProblemSize;
-use crate::app::case::{Case, RegionMaterial};
+use crate::app::case::{Case, ElementSelection, RegionMaterial};
+use crate::app::checkpoint::hash_of_mesh;
 use crate::app::macro_scale;
 use crate::app::material_fields::{self, FieldRange, ResolvedMaterials};
 use crate::app::plausibility;
 use crate::app::results::ResultsRecord;
 use crate::app::rve_files;
 use crate::fem::boundary::Conditions;
-use crate::fem::mesh::Mesh;
+use crate::fem::mesh::{Division, Mesh};
 use crate::fem::rigid_modes;
-use crate::fem::stepping::{LinearSystem, SetupError, Stepper};
+use crate::fem::stepping::{BodyPart, LinearSystem, SetupError, Stepper};
 use crate::input::InputErrors;
 use crate::las::RealBackend;
 use crate::tissue::materials::Materials;
-use crate::tissue::micro_scale::{LibraryError, TissueField, TissueFieldError, TissueMaterial};
+use crate::tissue::micro_scale::{LibraryError, Sites, TissueField, TissueFieldError, TissueMaterial};
+use crate::tissue::two_scale::partition;
 
 /// The reason why a simulation cannot be set up.
 #[derive(Debug, Error)]
@@ -40,7 +42,10 @@ pub struct Setup<B: RealBackend, M = TissueField<B>> {
     context: B::Context,
     case: Case,
     mesh: Mesh,
+    mesh_hash: u64,
     conditions: Conditions,
+    /// The part of this rank, if the body is divided.
+    part: Option<BodyPart>,
     field: M,
     networks: Vec<usize>,
     unknowns: usize,
@@ -60,37 +65,75 @@ where
     /// conditions leave a rigid-body mode.
     pub fn new(context: B::Context, case: Case) -> Result<Self, SimulationError<B::Error>> {
         let of_rves = context.clone();
-        Self::with_material(context, case, |materials, mesh| TissueField::new(of_rves, materials, mesh))
+        Self::with_material(context, case, None, |materials, mesh| TissueField::new(of_rves, materials, mesh))
     }
+}
+
+/// The ranks among which a body is divided.
+#[derive(Clone, Copy, Debug)]
+pub struct BodyRanks {
+    /// The rank of the caller.
+    pub rank: usize,
+    /// The number of ranks.
+    pub ranks: usize,
 }
 
 impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
     /// Reads the mesh of a case and checks it against the case; `material` sets up the materials of the case on the mesh,
-    /// and returns warnings.
+    /// and returns warnings. With `ranks`, the body is divided among them if it can be ([`BodyPart::new`]): the mesh that
+    /// `material` gets is then the part of this rank, and the whole mesh is released.
     ///
     /// # Errors
     /// As for [`Setup::new`].
     pub fn with_material(
         context: B::Context,
         case: Case,
+        ranks: Option<BodyRanks>,
         material: impl FnOnce(Materials, &Mesh) -> Result<(M, Vec<String>), LibraryError>,
     ) -> Result<Self, SimulationError<B::Error>> {
-        let (mesh, mut warnings) = macro_scale::mesh(&case)?;
+        let (whole, mut warnings) = macro_scale::mesh(&case)?;
         let conditions = macro_scale::conditions(&case);
-        let boundary = macro_scale::boundary(&case, &mesh, &conditions)?;
-        rigid_modes::check(&mesh, &boundary.restraints(&mesh), boundary.kinematics().rigid_surfaces())
+        let boundary = macro_scale::boundary(&case, &whole, &conditions)?;
+        rigid_modes::check(&whole, &boundary.restraints(&whole), boundary.kinematics().rigid_surfaces())
             .map_err(|error| Box::new(error.into()))?;
-        macro_scale::check_constraints(&case, &mesh, &conditions, &boundary.fixed_components(mesh.nodes().len()))?;
-        let unknowns = boundary.free_unknowns(mesh.nodes().len());
-        let ResolvedMaterials { materials, ranges } = material_fields::resolve(&case, &mesh)?;
-        let (field, network_warnings) = material(materials, &mesh)?;
-        warnings.extend(plausibility::warnings(&case, &mesh, field.library()));
+        macro_scale::check_constraints(&case, &whole, &conditions, &boundary.fixed_components(whole.nodes().len()))?;
+        let unknowns = boundary.free_unknowns(whole.nodes().len());
+        let ResolvedMaterials { materials, ranges } = material_fields::resolve(&case, &whole)?;
+        let part = match ranks {
+            None => None,
+            Some(BodyRanks { rank, ranks }) => {
+                let division = Division::new(&whole, partition(&whole, ranks), ranks);
+                let params = macro_scale::step_params(&case);
+                BodyPart::new::<B, _>(&whole, &boundary, &conditions, &division, rank, &params).map_err(Box::new)?
+            }
+        };
+        let mesh = part.as_ref().map_or(&whole, |part| &**part.mesh());
+        let (field, network_warnings) = material(materials, mesh)?;
+        warnings.extend(plausibility::warnings(&case, &whole, field.library()));
         warnings.extend(network_warnings);
         warnings.extend(without_networks(&case));
-        warnings.extend(macro_scale::imbalance(&case, &mesh, &boundary));
-        let networks = rve_files::points(&case, &field)?;
+        warnings.extend(macro_scale::imbalance(&case, &whole, &boundary));
+        let networks = if part.is_some() && case.output.rve != ElementSelection::None {
+            rve_files::points(&case, &Sites::new(field.library(), &whole)?)?
+        } else {
+            rve_files::points(&case, field.sites())?
+        };
         let free_mode_supports = boundary.free_mode_supports().collect();
-        Ok(Self { context, case, mesh, conditions, field, networks, unknowns, free_mode_supports, ranges, warnings })
+        let mesh_hash = hash_of_mesh(&whole);
+        Ok(Self {
+            context,
+            case,
+            mesh: whole,
+            mesh_hash,
+            conditions,
+            part,
+            field,
+            networks,
+            unknowns,
+            free_mode_supports,
+            ranges,
+            warnings,
+        })
     }
 
     /// Returns the nodes and components that are held because the case has `free = "rigid"`.
@@ -142,12 +185,21 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
     /// Returns [`SimulationError::Setup`] if the linear system cannot be set up or a point of the undeformed body has
     /// no response.
     pub fn simulation(self) -> Result<Simulation<B, M>, SimulationError<B::Error>> {
-        let Self { context, case, mesh, conditions, field, networks, warnings, .. } = self;
+        let Self { context, case, mesh, mesh_hash, conditions, part, field, networks, warnings, .. } = self;
         let params = macro_scale::step_params(&case);
-        let order = field.node_order(&mesh);
-        let stepper = Stepper::in_order(&order, &context, Arc::new(mesh), &conditions, field, params);
+        let stepper = match part {
+            Some(part) => {
+                // The evaluation of the body needs the memory.
+                drop(mesh);
+                Stepper::on_part(&context, part, field, params)
+            }
+            None => {
+                let order = field.node_order(&mesh);
+                Stepper::in_order(&order, &context, Arc::new(mesh), &conditions, field, params)
+            }
+        };
         let stepper = stepper.map_err(Box::new)?;
-        Ok(Simulation { case, stepper, networks, warnings, lock: None, written: ResultsRecord::default() })
+        Ok(Simulation { case, stepper, mesh_hash, networks, warnings, lock: None, written: ResultsRecord::default() })
     }
 }
 

@@ -2,9 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::app::field_files::{FieldFiles, FieldState, PieceIndex};
 use crate::app::recorder::Recorder;
 use crate::app::results::ResultsError;
 use crate::fem::stepping::{ConvergedStep, FailedAttempt, Iterating, StepObserver};
+use crate::las::Message;
 use crate::tissue::micro_scale::TissueMaterial;
 
 /// Processes that take the same steps of a run: one of them writes the results, and all continue only if it succeeded.
@@ -23,6 +25,12 @@ pub trait WriterGroup {
     /// # Errors
     /// Returns [`ResultsError`] if the processes cannot communicate.
     fn any(&self, condition: bool) -> Result<bool, ResultsError>;
+
+    /// Gathers the messages of all processes on the one that writes, in the order of their ranks; `None` on the others.
+    ///
+    /// # Errors
+    /// Returns [`ResultsError`] if the processes cannot communicate.
+    fn gather(&self, own: Message) -> Result<Option<Vec<Message>>, ResultsError>;
 
     /// Checks that all processes pass the same number.
     ///
@@ -61,6 +69,10 @@ impl WriterGroup for () {
         Ok(condition)
     }
 
+    fn gather(&self, own: Message) -> Result<Option<Vec<Message>>, ResultsError> {
+        Ok(Some(vec![own]))
+    }
+
     fn agree_on(&self, _: usize) -> Result<(), ResultsError> {
         Ok(())
     }
@@ -69,6 +81,8 @@ impl WriterGroup for () {
 /// Records a run if this process writes, and agrees with the other processes on the outcome of each write.
 pub(super) struct AgreedRecorder<'w, 'r> {
     pub(super) recorder: Option<Recorder<'r>>,
+    /// The files of the part of this process, if the body is divided.
+    pub(super) pieces: Option<FieldFiles>,
     pub(super) writers: &'w dyn WriterGroup,
 }
 
@@ -79,6 +93,27 @@ impl<'r> AgreedRecorder<'_, 'r> {
     ) -> Result<(), ResultsError> {
         let outcome = self.recorder.as_mut().map_or(Ok(()), write);
         self.writers.agree(outcome)
+    }
+
+    /// In a divided body, writes the piece of every process, and returns what names them once all are written.
+    fn write_pieces<M: TissueMaterial>(&self, of: &FieldState<'_, M>) -> Result<Option<PieceIndex>, ResultsError> {
+        let Some(pieces) = &self.pieces else { return Ok(None) };
+        let (index, outcome) = match pieces.write_piece(of) {
+            Ok(index) => (Some(index), Ok(())),
+            Err(error) => (None, Err(error)),
+        };
+        self.writers.agree(outcome)?;
+        Ok(index)
+    }
+
+    /// Writes the fields of the last converged state if they are not written yet.
+    pub(super) fn write_last<M: TissueMaterial>(&mut self, of: &FieldState<'_, M>) -> Result<(), ResultsError> {
+        let lacks_fields = self.recorder.as_ref().is_some_and(|recorder| recorder.lacks_fields(of.state.t));
+        if !self.writers.any(lacks_fields)? {
+            return Ok(());
+        }
+        let index = self.write_pieces(of)?;
+        self.write(|recorder| recorder.write_last(of, index.as_ref()))
     }
 
     /// Returns true on all processes if the observer of the run wants it to end before its next load step.
@@ -96,7 +131,9 @@ impl<M: TissueMaterial, F: std::error::Error> StepObserver<M, F> for AgreedRecor
     type Error = ResultsError;
 
     fn converged(&mut self, step: &ConvergedStep<'_, M>) -> Result<(), ResultsError> {
-        self.write(|recorder| recorder.converged(step))
+        let is_due = self.pieces.as_ref().is_some_and(|pieces| pieces.is_due(step.step, step.count));
+        let index = if is_due { self.write_pieces(&FieldState::of(step))? } else { None };
+        self.write(|recorder| recorder.converged(step, index.as_ref()))
     }
 
     fn iterating(&mut self, iteration: &Iterating<'_>) {

@@ -201,7 +201,7 @@ impl<B: RealBackend> Assembler<B> {
 
     /// Restricts [`Assembler::squared_errors`] to the points of own elements of a part of a mesh.
     pub(in crate::fem) fn count_own_points(&mut self, mesh: &Mesh) {
-        self.own_points = mesh.part().map(|part| mesh.points().spread(&part.is_own_element));
+        self.own_points = mesh.part().map(|_| mesh.own_points());
     }
 
     /// Locates the stiffness of loads in `matrix`, for [`Assembler::load_stiffness`].

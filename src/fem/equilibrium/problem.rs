@@ -41,7 +41,8 @@ impl<B: RealBackend, P: PointField> NonlinearProblem<B> for Equilibrium<B, P> {
             EquilibriumError::PointField(error) => P::is_final(error),
             // Smaller increments end in states that are out of balance too.
             EquilibriumError::Backend(_) | EquilibriumError::UnbalancedLoads { .. } => true,
-            EquilibriumError::OffBranch(_)
+            EquilibriumError::OtherRank
+            | EquilibriumError::OffBranch(_)
             | EquilibriumError::StillChanging(_)
             | EquilibriumError::VolumeNotReached { .. }
             | EquilibriumError::OutOfBalance { .. } => false,

@@ -34,10 +34,14 @@ pub struct Part {
     pub is_own_node: Vec<bool>,
     /// The number in the whole mesh of each element.
     pub elements: Arc<[u32]>,
-    /// Whether each element is an own one.
-    pub is_own_element: Vec<bool>,
-    /// The numbers of nodes, elements and integration points of the whole mesh.
+    /// The rank that each element belongs to.
+    pub rank_of_element: Vec<u32>,
+    /// The number of own elements of each rank.
+    pub elements_of_rank: Vec<usize>,
+    /// The size of the whole mesh.
     pub whole: Sizes,
+    /// The integration points of the whole mesh.
+    pub whole_points: PointNumbering,
 }
 
 /// The size of a mesh.
@@ -68,6 +72,12 @@ impl Division {
         Self { rank_of_element, rank_of_node, ranks }
     }
 
+    fn elements_of_rank(&self) -> Vec<usize> {
+        let mut counts = vec![0; self.ranks];
+        self.rank_of_element.iter().for_each(|&rank| counts[rank as usize] += 1);
+        counts
+    }
+
     /// Returns the nodes in the order of their ranks, those of one rank ascending.
     pub fn node_order(&self) -> Vec<u32> {
         let mut order: Vec<u32> = (0..self.rank_of_node.len() as u32).collect();
@@ -77,6 +87,16 @@ impl Division {
 }
 
 impl Part {
+    /// Returns true if an element belongs to this rank.
+    pub fn is_own_element(&self, element: usize) -> bool {
+        self.rank_of_element[element] as usize == self.rank
+    }
+
+    /// Returns the own elements, ascending.
+    pub fn own_elements(&self) -> impl Iterator<Item = usize> {
+        (0..self.rank_of_element.len()).filter(|&element| self.is_own_element(element))
+    }
+
     /// Returns the number in this part of a node of the whole mesh; `None` if the part does not have it.
     pub fn local_node(&self, node: u32) -> Option<u32> {
         self.nodes.binary_search(&node).ok().map(|local| local as u32)
@@ -129,10 +149,12 @@ impl Mesh {
             rank,
             ranks: *ranks,
             is_own_node: nodes.iter().map(|&node| rank_of_node[node as usize] == own).collect(),
-            is_own_element: elements.iter().map(|&element| rank_of_element[element as usize] == own).collect(),
+            rank_of_element: elements.iter().map(|&element| rank_of_element[element as usize]).collect(),
+            elements_of_rank: division.elements_of_rank(),
             nodes,
             elements: elements.into(),
             whole: self.sizes(),
+            whole_points: self.points.clone(),
         };
         self.restricted(part)
     }
@@ -174,14 +196,25 @@ impl Mesh {
         self.part.as_ref().map_or_else(|| self.sizes(), |part| part.whole)
     }
 
+    /// Returns the integration points of the whole mesh.
+    pub fn whole_points(&self) -> &PointNumbering {
+        self.part.as_ref().map_or(&self.points, |part| &part.whole_points)
+    }
+
     /// Returns true if a node belongs to this rank; all nodes of a mesh that is not divided do.
     pub fn is_own_node(&self, node: u32) -> bool {
         self.part.as_ref().is_none_or(|part| part.is_own_node[node as usize])
     }
 
+    /// Returns, for each integration point, whether its element belongs to this rank.
+    pub fn own_points(&self) -> Vec<bool> {
+        let own: Vec<bool> = (0..self.elements.len()).map(|element| self.is_own_element(element)).collect();
+        self.points.spread(&own)
+    }
+
     /// Returns true if an element belongs to this rank; all elements of a mesh that is not divided do.
     pub fn is_own_element(&self, element: usize) -> bool {
-        self.part.as_ref().is_none_or(|part| part.is_own_element[element])
+        self.part.as_ref().is_none_or(|part| part.is_own_element(element))
     }
 }
 

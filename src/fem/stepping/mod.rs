@@ -177,7 +177,7 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
     }
 
     /// Creates a stepper for a part of a body; all ranks call it, and all other methods, alike. The point field has the points
-    /// of the part, and must fail on all ranks if it fails on one. `context` is that of all ranks.
+    /// of the part; if it communicates, it must fail on all ranks if it fails on one. `context` is that of all ranks.
     ///
     /// # Errors
     /// As for [`Stepper::new`]. Returns [`SolveError::Unsupported`] if the backend does not distribute systems

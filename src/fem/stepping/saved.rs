@@ -28,6 +28,13 @@ pub struct SavedState {
     pub pressures: Vec<[f64; 2]>,
 }
 
+impl SavedState {
+    /// Returns the first node whose displacement is not finite.
+    pub fn node_not_finite(&self) -> Option<usize> {
+        self.displacements.iter().position(|u| u.iter().any(|u| !u.is_finite()))
+    }
+}
+
 /// The reason why a saved state cannot be restored. `R` is the error of the callback that restores the point field, `E`
 /// the error of the point field, `F` the error of the backend.
 #[derive(Clone, Debug, Error, PartialEq)]
@@ -132,7 +139,7 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
         if let Some(surface) = state.rigid.iter().position(|motion| !is_finite(motion)) {
             return Err(RestoreError::RigidNotFinite(surface));
         }
-        if let Some(node) = state.displacements.iter().position(|u| u.iter().any(|u| !u.is_finite())) {
+        if let Some(node) = state.node_not_finite() {
             return Err(RestoreError::NotFinite(node));
         }
         let constraints = self.body.constraints().len();

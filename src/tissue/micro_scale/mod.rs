@@ -41,7 +41,7 @@ pub use lifecycle::RveStatus;
 pub use pieces::{Piece, PieceError, piece_file, piece_stem};
 pub(super) use saved::SerializeIter;
 pub use saved::{FieldRestoreError, SavedSites, SleepingRve, UnitState};
-pub use sites::Sites;
+pub use sites::{RveCounts, Sites};
 pub use summary::{DeformedNetwork, PointSummary};
 pub use unit::RveStats;
 pub use units::FailedRve;
@@ -56,8 +56,13 @@ pub trait TissueMaterial: PointField<Error = TissueFieldError> {
     /// Returns the data that all RVEs share.
     fn library(&self) -> &Library<Self::Micro>;
 
-    /// Returns the material of each point and the statuses of the RVEs.
+    /// Returns the material of each point and the statuses of the RVEs; in a divided body, of the points of this rank.
     fn sites(&self) -> &Sites;
+
+    /// Counts the RVEs of the whole body.
+    fn rve_counts(&self) -> RveCounts {
+        self.sites().counts(self.library().models().len(), |_| true)
+    }
 
     /// Bytes that all RVEs own in a run: states, last responses, and the start values of the next solves.
     fn rve_bytes(&self) -> usize;
@@ -76,7 +81,7 @@ pub trait TissueMaterial: PointField<Error = TissueFieldError> {
     /// Returns the summary of the fibers of every point, `None` for one without fibers.
     fn summaries(&self) -> Vec<Option<PointSummary>>;
 
-    /// Returns the deformed network of a point, `None` for one without.
+    /// Returns the deformed network of a point, by its number in the whole mesh; `None` for one without.
     fn deformed_network(&self, point: usize) -> Option<DeformedNetwork>;
 
     /// Numbers of ranks of the macro scale and of the micro scale; 1 and 0 in one process.
@@ -267,15 +272,14 @@ impl<B: RealBackend> TissueMaterial for TissueField<B> {
 
     fn restore_units(&mut self, sites: &SavedSites, folder: &Path, pieces: &[Piece]) -> Result<(), FieldRestoreError> {
         self.sites.restore(sites)?;
-        check_count(&self.sites, pieces)?;
+        check_count(self.sites.existing().count(), pieces)?;
         self.create_existing();
         self.units.restore(folder, pieces)
     }
 }
 
 /// Checks that pieces hold as many RVEs as exist.
-pub(super) fn check_count(sites: &Sites, pieces: &[Piece]) -> Result<(), FieldRestoreError> {
+pub(super) fn check_count(expected: usize, pieces: &[Piece]) -> Result<(), FieldRestoreError> {
     let found = pieces.iter().map(|piece| piece.rves).fold(0, usize::saturating_add);
-    let expected = sites.existing().count();
     if found == expected { Ok(()) } else { Err(FieldRestoreError::Units { found, expected }) }
 }

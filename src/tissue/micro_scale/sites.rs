@@ -55,6 +55,21 @@ struct RveSite {
     lifecycle: Option<Box<LifecycleState>>,
 }
 
+/// The numbers of points with an RVE at some time: all, by model, and by status.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct RveCounts {
+    /// All of them.
+    pub rves: usize,
+    /// Those that use each model of the library.
+    pub per_model: Vec<usize>,
+    /// Those asleep.
+    pub asleep: usize,
+    /// Those whose RVE is not created yet.
+    pub waiting: usize,
+    /// Those whose RVE was deleted.
+    pub deleted: usize,
+}
+
 /// Points whose RVEs are created, deleted and woken.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(in crate::tissue) struct RveChanges {
@@ -71,10 +86,13 @@ impl RveChanges {
 
 impl Sites {
     /// Assigns the materials of a library to the points of a mesh.
-    pub(in crate::tissue) fn new<B: RealBackend>(library: &Library<B>, mesh: &Mesh) -> Result<Self, LibraryError> {
+    ///
+    /// # Errors
+    /// Returns [`LibraryError`] if a region of the mesh has no material.
+    pub fn new<B: RealBackend>(library: &Library<B>, mesh: &Mesh) -> Result<Self, LibraryError> {
         let regions = mesh.points().spread(&library.regions_of_mesh(mesh)?);
         let site = |(point, region)| {
-            let material = library.of_point(region, point);
+            let material = library.of_point(region, mesh.points().in_whole(point));
             let material = material.ok_or_else(|| library.no_formula(region, mesh.points().locate(point)))?;
             Ok(Site::new(region, material))
         };
@@ -142,13 +160,6 @@ impl Sites {
         self.sites.get(point).and_then(Site::rve).map_or(0, |rve| rve.region)
     }
 
-    /// Returns, for each of `models` models, the number of points that use it.
-    pub fn rves_per_model(&self, models: usize) -> Vec<usize> {
-        let mut rves = vec![0; models];
-        self.rve_sites().filter_map(|(_, rve)| rve.model).for_each(|model| rves[model] += 1);
-        rves
-    }
-
     /// Returns the status of the RVE of a point; `None` if the point never has one.
     pub fn status(&self, point: usize) -> Option<RveStatus> {
         self.sites.get(point)?.rve().map(RveSite::status)
@@ -197,8 +208,14 @@ impl Sites {
     /// Creates, wakes and deletes RVEs as the converged state of the last gradients demands; of those over their
     /// deletion strain, it deletes a fraction ([`DELETED_FRACTION`]), the most strained first.
     pub(in crate::tissue) fn evolve(&mut self) -> RveChanges {
+        let overstrains = self.overstrains(|_| true);
+        self.evolve_among(overstrains)
+    }
+
+    /// Does the same if these are only some of the points; `overstrains` are those of all ([`Sites::overstrains`]).
+    pub(in crate::tissue) fn evolve_among(&mut self, overstrains: Vec<f64>) -> RveChanges {
         let mut changes = RveChanges::default();
-        let limit = self.overstrain_limit();
+        let limit = overstrain_limit(overstrains);
         for (point, lifecycle) in lifecycles(&mut self.sites) {
             if lifecycle.overstrain().is_some_and(|overstrain| overstrain >= limit) {
                 lifecycle.status = RveStatus::Deleted;
@@ -216,14 +233,28 @@ impl Sites {
         changes
     }
 
-    /// The least overstrain at which RVEs are deleted in this round.
-    fn overstrain_limit(&self) -> f64 {
-        let lifecycles = self.rve_sites().filter_map(|(_, rve)| rve.lifecycle.as_ref());
-        let mut overstrains: Vec<f64> = lifecycles.filter_map(|lifecycle| lifecycle.overstrain()).collect();
-        overstrains.sort_by(|a, b| b.total_cmp(a));
-        let part = (DELETED_FRACTION * overstrains.len() as f64).ceil() as usize;
-        let last = part.checked_sub(1).and_then(|last| overstrains.get(last));
-        last.map_or(f64::INFINITY, |overstrain| overstrain * (1.0 - EQUAL_STRAINS))
+    /// Returns the overstrains of all points with RVEs over their deletion strain for which `is_counted` returns true.
+    pub(in crate::tissue) fn overstrains(&self, is_counted: impl Fn(usize) -> bool) -> Vec<f64> {
+        let counted = self.rve_sites().filter(|(point, _)| is_counted(*point));
+        counted.filter_map(|(_, rve)| rve.lifecycle.as_ref()?.overstrain()).collect()
+    }
+
+    /// Counts the RVEs of the points for which `is_counted` returns true, for this number of models.
+    pub(in crate::tissue) fn counts(&self, models: usize, is_counted: impl Fn(usize) -> bool) -> RveCounts {
+        let mut counts = RveCounts { per_model: vec![0; models], ..RveCounts::default() };
+        for (_, rve) in self.rve_sites().filter(|(point, _)| is_counted(*point)) {
+            counts.rves += 1;
+            if let Some(model) = rve.model {
+                counts.per_model[model] += 1;
+            }
+            match rve.status() {
+                RveStatus::Awake => {}
+                RveStatus::Asleep => counts.asleep += 1,
+                RveStatus::Waiting => counts.waiting += 1,
+                RveStatus::Deleted => counts.deleted += 1,
+            }
+        }
+        counts
     }
 
     /// Commits the step at the last gradients; RVEs that hardly moved in it fall asleep. Returns the points whose
@@ -293,6 +324,14 @@ impl Sites {
         self.is_restored = true;
         Ok(())
     }
+}
+
+/// Returns the least overstrain at which RVEs are deleted in this round, given the overstrains of all points.
+fn overstrain_limit(mut overstrains: Vec<f64>) -> f64 {
+    overstrains.sort_by(|a, b| b.total_cmp(a));
+    let part = (DELETED_FRACTION * overstrains.len() as f64).ceil() as usize;
+    let last = part.checked_sub(1).and_then(|last| overstrains.get(last));
+    last.map_or(f64::INFINITY, |overstrain| overstrain * (1.0 - EQUAL_STRAINS))
 }
 
 /// The life cycles of RVEs that are created, sleep or are deleted, with their points.

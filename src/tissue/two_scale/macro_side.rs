@@ -1,23 +1,24 @@
 //! The macro scale's side: the material of the body, whose RVEs are on other ranks.
 
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 use std::path::Path;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use nalgebra::Matrix3;
 
 use super::TwoScaleError;
+use super::divided::DividedBody;
 use super::micro_proxy::{BodySolve, MicroProxy};
 use super::protocol::{Outcome, PieceFailure, RankTimes, RveFailure, Task, UnitReport};
 use super::shard::RveUpdate;
 use crate::coupling::{Scales, UnitId};
-use crate::fem::mesh::{IntegrationPoint, Mesh};
+use crate::fem::mesh::Mesh;
 use crate::fem::point_field::{PointField, PointResponses};
 use crate::las::{Backend, Comm, RealBackend};
 use crate::tissue::materials::Materials;
 use crate::tissue::micro_scale::{
     DeformedNetwork, FailedRve, FieldRestoreError, Library, LibraryError, Piece, PieceError, PointFailure,
-    PointSummary, RveStats, SavedSites, Sites, TissueFieldError, TissueMaterial, check_count,
+    PointSummary, RveCounts, RveStats, SavedSites, Sites, TissueFieldError, TissueMaterial, check_count,
 };
 
 /// The material of a body whose RVEs are solved by the micro scale.
@@ -25,6 +26,8 @@ pub struct ScaleField<'a, C: Comm, B: Backend> {
     micro: MicroProxy<'a, C>,
     library: Library<B>,
     sites: Sites,
+    /// The part of this rank, if the body is divided.
+    divided: Option<DividedBody<C>>,
     /// The rank of the program that solves the RVE of each point.
     rank_of: Vec<u32>,
     reports: Reports,
@@ -38,6 +41,8 @@ pub struct ScaleField<'a, C: Comm, B: Backend> {
 struct Reports {
     /// One entry per point.
     units: Vec<Option<UnitReport>>,
+    /// The deformed networks that are part of the output, of all points.
+    networks: HashMap<UnitId, DeformedNetwork>,
     stats: Mutex<RveStats>,
     times: Mutex<Vec<Vec<RankTimes>>>,
     bytes: usize,
@@ -56,12 +61,14 @@ impl<'a, C: Comm, B: RealBackend> ScaleField<'a, C, B> {
     ) -> Result<(Self, Vec<String>), LibraryError> {
         let (library, warnings) = Library::read(context, materials)?;
         let sites = Sites::new(&library, mesh)?;
-        let shard_of = super::partition::partition(mesh, scales.comm().size());
+        let divided = mesh.part().map(|part| DividedBody::new(scales.comm(), mesh, part));
+        let shard_of = mesh.part().is_none().then(|| super::partition::partition(mesh, scales.comm().size()));
         let points = sites.len();
         let field = Self {
             micro: MicroProxy::new(scales, body_solve, shard_of),
             library,
             sites,
+            divided,
             rank_of: vec![scales.world().rank() as u32; points],
             reports: Reports { units: (0..points).map(|_| None).collect(), ..Reports::default() },
             failed_rve: Mutex::new(None),
@@ -90,30 +97,66 @@ impl<'a, C: Comm, B: RealBackend> ScaleField<'a, C, B> {
     /// Returns [`TwoScaleError`] if communication fails.
     pub fn couple(&mut self) -> Result<(), TwoScaleError> {
         self.micro.couple()?;
-        let created = self.sites.existing().map(|(point, region)| self.new_rve(point, region));
-        let update = RveUpdate { deleted: Vec::new(), created: created.collect() };
-        self.exchange_update(&update)
+        if let Some(divided) = &mut self.divided {
+            divided.couple(&self.sites)?;
+        }
+        self.count_rves()?;
+        let created: Vec<usize> = self.sites.existing().map(|(point, _)| point).collect();
+        self.exchange_update(&[], &created)
     }
 
-    /// Returns the entry of [`RveUpdate::created`] for a point.
-    fn new_rve(&self, point: usize, region: usize) -> (UnitId, usize, IntegrationPoint) {
-        (point as u64, region, self.sites.locate(point))
+    /// Counts the RVEs of a divided body.
+    fn count_rves(&mut self) -> Result<(), TwoScaleError> {
+        let models = self.library.models().len();
+        self.divided.as_mut().map_or(Ok(()), |divided| divided.count(&self.sites, models))
     }
 
-    /// Deletes and creates RVEs on both scales.
-    fn exchange_update(&mut self, update: &RveUpdate) -> Result<(), TwoScaleError> {
-        update.deleted.iter().for_each(|&unit| self.reports.units[unit as usize] = None);
-        self.micro.update_rves(update)
+    /// Returns true if a point belongs to this rank, or the body is not divided.
+    fn is_own(&self, point: usize) -> bool {
+        self.divided.as_ref().is_none_or(|divided| divided.is_own(point))
+    }
+
+    /// Returns the unit of a point: its number in the whole mesh.
+    fn unit(&self, point: usize) -> UnitId {
+        self.sites.points().in_whole(point) as UnitId
+    }
+
+    /// Returns the point of a unit; `None` if it belongs to the part of another rank.
+    fn point_of(&self, unit: UnitId) -> Option<usize> {
+        self.divided.as_ref().map_or(Some(unit as usize), |divided| divided.point_of(unit))
+    }
+
+    /// Returns true if a condition holds on any rank of a divided body.
+    fn any<const N: usize>(&self, mut conditions: [bool; N]) -> Result<[bool; N], TwoScaleError> {
+        self.divided.as_ref().map_or(Ok(()), |divided| divided.any(&mut conditions))?;
+        Ok(conditions)
+    }
+
+    /// Deletes and creates the RVEs of these points on both scales.
+    fn exchange_update(&mut self, deleted: &[usize], created: &[usize]) -> Result<(), TwoScaleError> {
+        for &point in deleted {
+            self.reports.units[point] = None;
+            let unit = self.unit(point);
+            self.reports.networks.remove(&unit);
+        }
+        let own =
+            |points: &[usize]| -> Vec<usize> { points.iter().copied().filter(|&point| self.is_own(point)).collect() };
+        let created = own(created)
+            .into_iter()
+            .map(|point| (self.unit(point), self.sites.region(point), self.sites.locate(point)));
+        let created = created.collect();
+        let deleted = own(deleted).into_iter().map(|point| self.unit(point)).collect();
+        self.micro.update_rves(&RveUpdate { deleted, created })
     }
 
     /// Deletes and creates the RVEs of these points, if there are any.
     fn update_rves(&mut self, deleted: &[usize], created: &[usize]) -> Result<(), TissueFieldError> {
-        if deleted.is_empty() && created.is_empty() {
+        let changes = self.any([!deleted.is_empty() || !created.is_empty()]);
+        let [changes] = self.record_error(changes)?;
+        if !changes {
             return Ok(());
         }
-        let deleted = deleted.iter().map(|&point| point as u64).collect();
-        let created = created.iter().map(|&point| self.new_rve(point, self.sites.region(point))).collect();
-        let updated = self.exchange_update(&RveUpdate { deleted, created });
+        let updated = self.exchange_update(deleted, created);
         Ok(self.record_error(updated)?)
     }
 
@@ -124,20 +167,31 @@ impl<'a, C: Comm, B: RealBackend> ScaleField<'a, C, B> {
         gradients: &[Matrix3<f64>],
         out: &mut PointResponses,
     ) -> Result<bool, TissueFieldError> {
-        let responses = self.micro.evaluate(task, gradients, &self.sites);
+        let Self { micro, sites, divided, .. } = self;
+        let divided = divided.as_ref();
+        // The units of this rank are points that it has created.
+        let point_of = |unit| divided.map_or(unit as usize, |divided| divided.point_of(unit).unwrap_or_default());
+        let responses = micro.evaluate(task, gradients, sites, point_of);
         let mut responses = self.record_error(responses)?;
-        responses.retain(|response| self.sites.is_awake(response.point as usize));
-        if responses.iter().any(|response| response.outcome == Outcome::Failed as u64) {
+        responses.retain(|response| self.point_of(response.point).is_some_and(|point| self.sites.is_awake(point)));
+        let has = |outcome: Outcome| responses.iter().any(|response| response.outcome == outcome as u64);
+        let found = self.any([has(Outcome::Failed), has(Outcome::Replaced)]);
+        let [failed, replaced] = self.record_error(found)?;
+        if failed {
             let failure = self.explain();
             let failure = self.record_error(failure)?;
             self.micro.restart_clock();
             return Err(failure.into());
         }
+        let exchanged = self.divided.as_ref().map_or(Ok(()), |divided| divided.exchange_ghosts(&mut responses));
+        self.record_error(exchanged)?;
         for response in &responses {
-            self.sites.set_response(response.point as usize, &response.response(), out);
+            if let Some(point) = self.point_of(response.point) {
+                self.sites.set_response(point, &response.response(), out);
+            }
         }
         self.micro.restart_clock();
-        Ok(responses.iter().any(|response| response.outcome == Outcome::Replaced as u64))
+        Ok(replaced)
     }
 
     /// Asks why the last trial state has no response; keeps the data that reproduces the failure.
@@ -160,10 +214,14 @@ impl<'a, C: Comm, B: RealBackend> ScaleField<'a, C, B> {
         self.reports.bytes = reports.iter().map(|report| report.bytes).sum();
         for (report, &rank) in reports.into_iter().zip(self.micro.ranks()) {
             stats = stats.merge(report.stats);
-            for unit in report.units {
-                let point = unit.point as usize;
-                self.rank_of[point] = rank as u32;
-                self.reports.units[point] = Some(unit);
+            for mut unit in report.units {
+                if let Some(network) = unit.network.take() {
+                    self.reports.networks.insert(unit.point, network);
+                }
+                if let Some(point) = self.point_of(unit.point) {
+                    self.rank_of[point] = rank as u32;
+                    self.reports.units[point] = Some(unit);
+                }
             }
         }
         let reports = self.reports.stats.get_mut().unwrap_or_else(PoisonError::into_inner);
@@ -189,7 +247,14 @@ impl<C: Comm, B: RealBackend> PointField for ScaleField<'_, C, B> {
 
     fn update(&mut self, gradients: &[Matrix3<f64>], out: &mut PointResponses) -> Result<(), Self::Error> {
         // Points that need no RVE come first: an inverted point there fails before any RVE is solved.
-        self.sites.evaluate(gradients, out)?;
+        let evaluated = self.sites.evaluate(gradients, out);
+        match &self.divided {
+            None => evaluated?,
+            Some(divided) => {
+                let failure = divided.first_failure(evaluated.err());
+                self.record_error(failure)?.map_or(Ok(()), Err)?;
+            }
+        }
         self.evaluate(Task::Solve, gradients, out)?;
         Ok(())
     }
@@ -199,20 +264,31 @@ impl<C: Comm, B: RealBackend> PointField for ScaleField<'_, C, B> {
     }
 
     fn evolve(&mut self) -> Result<bool, Self::Error> {
-        let changes = self.sites.evolve();
+        let changes = match &self.divided {
+            None => self.sites.evolve(),
+            Some(divided) => {
+                let overstrains = divided.gather(&self.sites.overstrains(|point| divided.is_own(point)));
+                let overstrains = self.record_error(overstrains)?;
+                self.sites.evolve_among(overstrains)
+            }
+        };
         // Deleted RVEs are kept until the commit, because the step may still fail.
         self.update_rves(&[], &changes.created)?;
-        Ok(!changes.is_empty())
+        let changed = self.any([!changes.is_empty()]);
+        let [changed] = self.record_error(changed)?;
+        Ok(changed)
     }
 
     fn is_cheap(&self) -> bool {
-        self.sites.rves() == 0
+        self.rve_counts().rves == 0
     }
 
     fn commit(&mut self) -> Result<(), Self::Error> {
         let ended = self.end_step(true);
         self.record_error(ended)?;
         let deleted = self.sites.commit();
+        let counted = self.count_rves();
+        self.record_error(counted)?;
         self.update_rves(&deleted, &[])
     }
 
@@ -242,6 +318,13 @@ impl<C: Comm, B: RealBackend> TissueMaterial for ScaleField<'_, C, B> {
         &self.sites
     }
 
+    fn rve_counts(&self) -> RveCounts {
+        match &self.divided {
+            None => self.sites.counts(self.library.models().len(), |_| true),
+            Some(divided) => divided.counts.clone(),
+        }
+    }
+
     fn rve_bytes(&self) -> usize {
         self.reports.bytes
     }
@@ -263,7 +346,7 @@ impl<C: Comm, B: RealBackend> TissueMaterial for ScaleField<'_, C, B> {
     }
 
     fn deformed_network(&self, point: usize) -> Option<DeformedNetwork> {
-        self.reports.units.get(point)?.as_ref()?.network.clone()
+        self.reports.networks.get(&(point as UnitId)).cloned()
     }
 
     fn ranks(&self) -> [usize; 2] {
@@ -272,15 +355,15 @@ impl<C: Comm, B: RealBackend> TissueMaterial for ScaleField<'_, C, B> {
 
     fn shards(&self) -> Option<(&[u32], usize)> {
         let shards = self.micro.scales.comm().size();
-        (shards > 1).then_some((&*self.micro.shard_of, shards))
+        self.micro.shard_of.as_deref().filter(|_| shards > 1).map(|shard_of| (shard_of, shards))
     }
 
     /// Orders the nodes by rank if all ranks solve: the rows of a rank are then mostly those of its own elements.
     fn node_order(&self, mesh: &Mesh) -> Vec<u32> {
         let mut order: Vec<u32> = (0..mesh.nodes().len() as u32).collect();
-        if self.micro.body_solve == BodySolve::Distributed {
+        if let (BodySolve::Distributed, Some(shard_of)) = (self.micro.body_solve, &self.micro.shard_of) {
             let mut rank_of_node = vec![u32::MAX; order.len()];
-            for (nodes, &rank) in mesh.elements().iter().zip(&self.micro.shard_of) {
+            for (nodes, &rank) in mesh.elements().iter().zip(shard_of) {
                 nodes.iter().for_each(|&node| rank_of_node[node as usize] = rank_of_node[node as usize].min(rank));
             }
             order.sort_by_key(|&node| rank_of_node[node as usize]);
@@ -303,15 +386,20 @@ impl<C: Comm, B: RealBackend> TissueMaterial for ScaleField<'_, C, B> {
 
     fn restore_units(&mut self, sites: &SavedSites, folder: &Path, pieces: &[Piece]) -> Result<(), FieldRestoreError> {
         let before: HashSet<usize> = self.sites.existing().map(|(point, _)| point).collect();
-        self.sites.restore(sites)?;
-        check_count(&self.sites, pieces)?;
-        let existing: Vec<(usize, usize)> = self.sites.existing().collect();
-        let now: HashSet<usize> = existing.iter().map(|&(point, _)| point).collect();
-        let mut deleted: Vec<u64> = before.difference(&now).map(|&point| point as u64).collect();
+        let restored = self.sites.restore(sites);
+        let failed = self.record_error(self.any([restored.is_err()]));
+        let [failed] = failed.map_err(|error| FieldRestoreError::Ranks(error.to_string()))?;
+        restored?;
+        if failed {
+            return Err(FieldRestoreError::Ranks("the state does not match the part of another rank".into()));
+        }
+        self.check_count(pieces)?;
+        let existing: Vec<usize> = self.sites.existing().map(|(point, _)| point).collect();
+        let now: HashSet<usize> = existing.iter().copied().collect();
+        let mut deleted: Vec<usize> = before.difference(&now).copied().collect();
         deleted.sort_unstable();
-        let created = existing.iter().filter(|(point, _)| !before.contains(point));
-        let created = created.map(|&(point, region)| self.new_rve(point, region)).collect();
-        let updated = self.exchange_update(&RveUpdate { deleted, created });
+        let created: Vec<usize> = existing.into_iter().filter(|point| !before.contains(point)).collect();
+        let updated = self.exchange_update(&deleted, &created);
         let restored = updated.and_then(|()| self.micro.restore(folder, pieces));
         let restored = self.record_error(restored).map_err(|error| FieldRestoreError::Ranks(error.to_string()))?;
         restored.into_iter().collect::<Result<(), String>>().map_err(FieldRestoreError::Ranks)
@@ -319,6 +407,20 @@ impl<C: Comm, B: RealBackend> TissueMaterial for ScaleField<'_, C, B> {
 }
 
 impl<C: Comm, B: RealBackend> ScaleField<'_, C, B> {
+    /// Checks that pieces hold as many RVEs as exist on all ranks.
+    fn check_count(&self, pieces: &[Piece]) -> Result<(), FieldRestoreError> {
+        let own = self.sites.existing().filter(|(point, _)| self.is_own(*point)).count();
+        let existing = match &self.divided {
+            None => own,
+            Some(divided) => {
+                let counts = self.record_error(divided.gather(&[own as f64]));
+                let counts = counts.map_err(|error| FieldRestoreError::Ranks(error.to_string()))?;
+                counts.iter().sum::<f64>() as usize
+            }
+        };
+        check_count(existing, pieces)
+    }
+
     /// Makes the ranks of the micro scale write or verify pieces; returns the values of all ranks, or the error of the
     /// first rank that has one.
     fn on_pieces<T>(

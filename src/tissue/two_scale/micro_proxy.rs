@@ -4,7 +4,8 @@
 //! for the body:
 //! - the root solves ([`BodySolve::Root`]), and the others [`follow`](super::follow): they receive the tasks of their
 //!   shard from it and return the responses;
-//! - all ranks solve a distributed linear system ([`BodySolve::Distributed`]); every rank receives all responses.
+//! - all ranks solve a distributed linear system ([`BodySolve::Distributed`]). In a divided body, each rank receives the
+//!   responses of its own elements, and those of its ghosts from their ranks; otherwise every rank receives all responses.
 
 use std::collections::HashSet;
 use std::path::Path;
@@ -39,11 +40,12 @@ pub(super) struct MicroProxy<'a, C: Comm> {
     /// Index of the micro scale in `scales`.
     micro_scale: usize,
     pub body_solve: BodySolve,
-    /// The rank of the macro scale to whose shard each element belongs.
-    pub shard_of: Vec<u32>,
+    /// The rank of the macro scale to whose shard each element belongs; `None` if each rank knows its own RVEs alone,
+    /// because the body is divided.
+    pub shard_of: Option<Vec<u32>>,
     /// The RVEs of the shard of this rank; `None` before the scales are coupled.
     shard: Option<Shard<C>>,
-    /// Points with RVEs, per rank of the macro scale.
+    /// Points with RVEs, per rank of the macro scale, if the root solves for the body.
     units: Vec<Vec<u64>>,
     in_step: bool,
     /// Times per trial state and rank of the macro scale.
@@ -59,7 +61,7 @@ pub(super) struct MicroProxy<'a, C: Comm> {
 
 impl<'a, C: Comm> MicroProxy<'a, C> {
     /// Creates a proxy without couplings; [`MicroProxy::couple`] adds them. Does not communicate.
-    pub fn new(scales: &'a Scales<C>, body_solve: BodySolve, shard_of: Vec<u32>) -> Self {
+    pub fn new(scales: &'a Scales<C>, body_solve: BodySolve, shard_of: Option<Vec<u32>>) -> Self {
         Self {
             scales,
             micro_scale: scales.find(MICRO).unwrap_or(usize::MAX),
@@ -163,14 +165,18 @@ impl<'a, C: Comm> MicroProxy<'a, C> {
         self.broadcast(&Command::Units)?;
         let own = self.scales.comm().rank() as u32;
         let Self { shard: Some(shard), shard_of, .. } = self else { return Err(TwoScaleError::Protocol) };
-        shard.update_rves(update, |point| shard_of[point.element as usize] == own)?;
-        // Keeps the order of the shard of each rank.
-        let deleted: HashSet<u64> = update.deleted.iter().copied().collect();
-        for units in &mut self.units {
-            units.retain(|unit| !deleted.contains(unit));
-        }
-        for &(point, _, location) in &update.created {
-            self.units[self.shard_of[location.element as usize] as usize].push(point);
+        shard.update_rves(update, |point| {
+            shard_of.as_ref().is_none_or(|shard_of| shard_of[point.element as usize] == own)
+        })?;
+        if let (BodySolve::Root, Some(shard_of)) = (self.body_solve, &self.shard_of) {
+            // Keeps the order of the shard of each rank.
+            let deleted: HashSet<u64> = update.deleted.iter().copied().collect();
+            for units in &mut self.units {
+                units.retain(|unit| !deleted.contains(unit));
+            }
+            for &(point, _, location) in &update.created {
+                self.units[shard_of[location.element as usize] as usize].push(point);
+            }
         }
         self.between.add_communication(self.since);
         self.restart_clock();
@@ -178,12 +184,13 @@ impl<'a, C: Comm> MicroProxy<'a, C> {
     }
 
     /// Sends a task to all awake RVEs and returns their responses; those of other shards go through the rank of the
-    /// shard.
+    /// shard. In a divided body, only those of this rank. `point_of` returns the point of a unit in `gradients` and `sites`.
     pub fn evaluate(
         &mut self,
         task: Task,
         gradients: &[Matrix3<f64>],
         sites: &Sites,
+        point_of: impl Fn(UnitId) -> usize,
     ) -> Result<Vec<RveResponse>, TwoScaleError> {
         let command = if std::mem::replace(&mut self.in_step, true) { Command::Iterate } else { Command::Step };
         let comm = self.scales.comm().clone();
@@ -193,8 +200,9 @@ impl<'a, C: Comm> MicroProxy<'a, C> {
         self.send_to_followers(&FollowerCommand::Exchange)?;
         let followers = if self.body_solve == BodySolve::Root { comm.size() } else { 1 };
         let task_of = |unit: UnitId| {
-            let task = if sites.is_awake(unit as usize) { task } else { Task::None };
-            RveTask::new(&gradients[unit as usize], task)
+            let point = point_of(unit);
+            let task = if sites.is_awake(point) { task } else { Task::None };
+            RveTask::new(&gradients[point], task)
         };
         for (rank, units) in self.units.iter().enumerate().take(followers).skip(1) {
             let of_shard: Vec<RveTask> = units.iter().map(|&unit| task_of(unit)).collect();
@@ -214,7 +222,7 @@ impl<'a, C: Comm> MicroProxy<'a, C> {
         let of_shards = match self.body_solve {
             BodySolve::Root => (1..comm.size()).map(&mut receive).collect::<Result<_, _>>()?,
             // The wait in this collective is short, since all ranks have just received their own responses.
-            BodySolve::Distributed if comm.size() > 1 => {
+            BodySolve::Distributed if comm.size() > 1 && self.shard_of.is_some() => {
                 comm.gather_all(Message::of(&std::mem::take(&mut responses)))?
             }
             BodySolve::Distributed => Vec::new(),

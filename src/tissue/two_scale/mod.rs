@@ -5,6 +5,7 @@
 //! | `protocol` | the messages between the scales |
 //! | `macro_side` | the macro scale: a material that gets its stress from RVEs on other ranks |
 //! | `micro_proxy` | the micro scale as seen by the macro scale: sends commands and tasks, receives responses |
+//! | `divided` | a body of which each macro rank holds a part: its RVEs, and the responses of its ghosts |
 //! | `shard` | the elements of one macro rank and the couplings of their RVEs |
 //! | `channels` | the couplings of the RVEs of one rank, the same on both scales |
 //! | `micro_side` | the micro scale: solves its RVEs and sends the responses |
@@ -28,6 +29,7 @@
 //! ```
 
 mod channels;
+mod divided;
 mod follower;
 mod macro_side;
 mod micro_proxy;
@@ -44,6 +46,8 @@ pub use micro_proxy::BodySolve;
 pub use micro_side::run as run_micro;
 pub use partition::partition;
 pub use protocol::{MACRO, MICRO, RankTimes};
+#[cfg(feature = "app")]
+pub(crate) use protocol::{pack, unpack};
 
 use super::micro_scale::TissueFieldError;
 use crate::coupling::{CouplingError, ScaleError};

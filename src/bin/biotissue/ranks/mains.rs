@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 use biotissue::app::case::Case;
 use biotissue::app::macro_scale;
 use biotissue::app::material_fields;
-use biotissue::app::run::{RootWriter, Setup, WriterGroup};
+use biotissue::app::run::{BodyRanks, RootWriter, Setup, WriterGroup};
 use biotissue::backends::BackendName;
 use biotissue::coupling::{ScaleError, Scales};
 use biotissue::las::Comm;
@@ -110,7 +110,10 @@ impl<C: Ranks> Job for MacroRank<'_, C> {
         let Self { world, scales, run, body_solve } = self;
         let case = run.case.clone();
         let hints = CaseHints::of(&case);
-        let setup = Setup::<B, ScaleField<'_, C, B::Micro>>::with_material(context, case, |materials, mesh| {
+        let (rank, ranks) = (scales.comm().rank(), scales.comm().size());
+        let divides = body_solve == BodySolve::Distributed && ranks > 1;
+        let among = divides.then_some(BodyRanks { rank, ranks });
+        let setup = Setup::<B, ScaleField<'_, C, B::Micro>>::with_material(context, case, among, |materials, mesh| {
             ScaleField::new((scales, body_solve), (), materials, mesh)
         });
         let setup = setup.map_err(|error| not_set_up(&hints, error));

@@ -1,0 +1,137 @@
+//! A body of which each rank of the macro scale holds a part: its RVEs, and the responses of its ghosts.
+
+use std::collections::HashMap;
+
+use crate::coupling::UnitId;
+use crate::fem::mesh::{Mesh, Part};
+use crate::las::{Comm, Message, SendRequest, Tag};
+use crate::tissue::micro_scale::{PointFailure, RveCounts, Sites};
+
+use super::TwoScaleError;
+use super::protocol::{RveResponse, pack, unpack};
+
+/// Responses for the ghosts of another rank.
+const GHOSTS: Tag = Tag::of(3);
+
+/// The part of a rank: which points are its own, and with which ranks it exchanges responses.
+pub(super) struct DividedBody<C: Comm> {
+    comm: C,
+    is_own: Vec<bool>,
+    /// The point of each unit of the part, ghosts included.
+    point_of: HashMap<UnitId, usize>,
+    /// The own points that are ghosts of another rank, for each such rank.
+    wanted: Vec<(usize, Vec<usize>)>,
+    /// The ranks that own ghosts of this one, ascending.
+    owners: Vec<usize>,
+    /// The RVEs of the whole body at the last commit.
+    pub counts: RveCounts,
+}
+
+impl<C: Comm> DividedBody<C> {
+    /// Collects the own points and the ghosts of a part. Does not communicate.
+    pub fn new(comm: &C, mesh: &Mesh, part: &Part) -> Self {
+        let points = mesh.points();
+        let point_of = (0..points.len()).map(|point| (points.in_whole(point) as UnitId, point)).collect();
+        let mut owners: Vec<usize> = part.rank_of_element.iter().map(|&rank| rank as usize).collect();
+        owners.sort_unstable();
+        owners.dedup();
+        owners.retain(|&rank| rank != part.rank);
+        Self {
+            comm: comm.clone(),
+            is_own: mesh.own_points(),
+            point_of,
+            wanted: Vec::new(),
+            owners,
+            counts: RveCounts::default(),
+        }
+    }
+
+    /// Learns which ranks have own points as ghosts. Collective.
+    pub fn couple(&mut self, sites: &Sites) -> Result<(), TwoScaleError> {
+        let points = sites.points();
+        let ghosts = (0..self.is_own.len()).filter(|&point| !self.is_own[point]);
+        let ghosts: Vec<UnitId> = ghosts.map(|point| points.in_whole(point) as UnitId).collect();
+        let all = self.comm.gather_all(Message::of(&ghosts))?;
+        for (rank, ghosts) in all.iter().enumerate().filter(|(rank, _)| *rank != self.comm.rank()) {
+            let units = ghosts.values::<UnitId>().ok_or(TwoScaleError::Protocol)?;
+            let own = units.iter().filter_map(|unit| self.point_of.get(unit).copied());
+            let own: Vec<usize> = own.filter(|&point| self.is_own[point]).collect();
+            if !own.is_empty() {
+                self.wanted.push((rank, own));
+            }
+        }
+        Ok(())
+    }
+
+    /// Returns true if a point belongs to this rank.
+    pub fn is_own(&self, point: usize) -> bool {
+        self.is_own[point]
+    }
+
+    /// Returns the point of a unit; `None` if the part does not have it.
+    pub fn point_of(&self, unit: UnitId) -> Option<usize> {
+        self.point_of.get(&unit).copied()
+    }
+
+    /// Returns true on all ranks if one of them passes true. Collective.
+    pub fn any(&self, conditions: &mut [bool]) -> Result<(), TwoScaleError> {
+        let mut most: Vec<f64> = conditions.iter().map(|&condition| f64::from(u8::from(condition))).collect();
+        self.comm.max(&mut most)?;
+        conditions.iter_mut().zip(most).for_each(|(condition, most)| *condition = most > 0.0);
+        Ok(())
+    }
+
+    /// Returns the failure of the lowest point of all ranks, if one failed. Collective.
+    pub fn first_failure(&self, own: Option<PointFailure>) -> Result<Option<PointFailure>, TwoScaleError> {
+        let mut failed = [own.is_some()];
+        self.any(&mut failed)?;
+        if !failed[0] {
+            return Ok(None);
+        }
+        let all = self.comm.gather_all(pack(&own)?)?;
+        let all = all.iter().map(unpack).collect::<Result<Vec<Option<PointFailure>>, _>>()?;
+        Ok(all.into_iter().flatten().min_by_key(|failure| failure.point))
+    }
+
+    /// Appends to the responses of own points those of ghosts. Collective.
+    pub fn exchange_ghosts(&self, responses: &mut Vec<RveResponse>) -> Result<(), TwoScaleError> {
+        let own: HashMap<UnitId, usize> =
+            responses.iter().enumerate().map(|(number, response)| (response.point, number)).collect();
+        let number_of: HashMap<usize, usize> =
+            own.into_iter().filter_map(|(unit, number)| Some((self.point_of(unit)?, number))).collect();
+        let mut pending = Vec::with_capacity(self.wanted.len());
+        for (rank, points) in &self.wanted {
+            let sent: Vec<RveResponse> =
+                points.iter().filter_map(|point| Some(responses[*number_of.get(point)?])).collect();
+            pending.push(self.comm.start_send(*rank, GHOSTS, Message::of(&sent))?);
+        }
+        for &rank in &self.owners {
+            let received = self.comm.receive(rank, GHOSTS)?;
+            responses.extend_from_slice(received.values::<RveResponse>().ok_or(TwoScaleError::Protocol)?);
+        }
+        pending.into_iter().try_for_each(|send| send.wait().map(drop))?;
+        Ok(())
+    }
+
+    /// Gathers the numbers of all ranks, in the order of ranks. Collective.
+    pub fn gather(&self, own: &[f64]) -> Result<Vec<f64>, TwoScaleError> {
+        let all = self.comm.gather_all(Message::of(own))?;
+        let mut joined = Vec::new();
+        for message in &all {
+            joined.extend_from_slice(message.values::<f64>().ok_or(TwoScaleError::Protocol)?);
+        }
+        Ok(joined)
+    }
+
+    /// Counts the RVEs of all ranks. Collective.
+    pub fn count(&mut self, sites: &Sites, models: usize) -> Result<(), TwoScaleError> {
+        let own = sites.counts(models, |point| self.is_own(point));
+        let RveCounts { rves, per_model, asleep, waiting, deleted } = own;
+        let mut sums: Vec<f64> = [rves, asleep, waiting, deleted].iter().chain(&per_model).map(|&n| n as f64).collect();
+        self.comm.sum(&mut sums)?;
+        let [rves, asleep, waiting, deleted] = std::array::from_fn(|k| sums[k] as usize);
+        let per_model = sums[4..].iter().map(|&sum| sum as usize).collect();
+        self.counts = RveCounts { rves, per_model, asleep, waiting, deleted };
+        Ok(())
+    }
+}
