@@ -185,11 +185,12 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
         (context, unknowns): (B::Context, usize),
         mesh: Arc<Mesh>,
         boundary: Boundary,
+        constraints: Constraints,
         assembler: Assembler<B>,
         field: P,
     ) -> Result<Self, EquilibriumError<P::Error, B::Error>> {
         let ranks = RankSums::new(mesh.part().map(|part| Divided { part: Arc::clone(part), context, unknowns }));
-        Self::on_ranks(ranks, mesh, boundary, Constraints::default(), assembler, field)
+        Self::on_ranks(ranks, mesh, boundary, constraints, assembler, field)
     }
 
     fn on_ranks(
@@ -255,10 +256,9 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
     /// Returns the surface and point forces on the body in the committed state. Collective if the body is divided; all
     /// values are then NaN if the ranks cannot communicate.
     pub fn forces(&self) -> BoundaryForces {
+        let add = |forces: &mut BoundaryForces| self.add_cavity_resultants(&self.committed, forces);
         let sum = |values: &mut [f64]| self.sum_or_nan(values);
-        let mut forces = BoundaryForces::of_ranks(&self.mesh, &self.boundary, &self.committed, sum);
-        self.add_cavity_resultants(&self.committed, &mut forces);
-        forces
+        BoundaryForces::of_ranks(&self.mesh, &self.boundary, &self.committed, add, sum)
     }
 
     /// Returns the volume of each region in the committed state, m^3, in the order of [`Mesh::regions`]. Collective like
@@ -327,9 +327,10 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
         let mut largest = [displacements.as_flattened().iter().fold(0.0, |most: f64, u| most.max(u.abs()))];
         self.ranks.max(&mut largest)?;
         let gradient = (self.steepest * largest[0]).max(1.0);
+        let norms = self.volumes.gradient_norms(&self.ranks)?;
         Ok(ResidualScale {
-            scale: forces.max(self.volumes.scale(volumes)),
-            floor: (gradient * self.floor).hypot(self.volumes.floor(volumes, largest[0])),
+            scale: forces.max(Volumes::scale(volumes, &norms)),
+            floor: (gradient * self.floor).hypot(self.volumes.floor(volumes, &norms, largest[0])),
         })
     }
 
@@ -434,9 +435,4 @@ fn net_forces(state: &BodyState, net: &mut [[f64; 3]]) {
             *net = std::array::from_fn(|i| internal[i] - external[i]);
         }
     });
-}
-
-fn norm(vectors: &[[f64; 3]]) -> f64 {
-    let squares = |vectors: &[[f64; 3]]| -> f64 { vectors.as_flattened().iter().map(|f| f * f).sum() };
-    parallel::map(vectors.chunks(NODES_PER_CHUNK), squares).into_iter().sum::<f64>().sqrt()
 }

@@ -68,12 +68,20 @@ impl BoundaryForces {
     /// # Panics
     /// Panics if the state has fewer nodes than the mesh.
     pub fn new(mesh: &Mesh, boundary: &Boundary, state: &BodyState) -> Self {
-        Self::of_ranks(mesh, boundary, state, |_| ())
+        Self::of_ranks(mesh, boundary, state, |_| (), |_| ())
     }
 
-    /// Does the same if the mesh may be a part: `sum` replaces each value by its sum over the ranks.
-    pub(super) fn of_ranks(mesh: &Mesh, boundary: &Boundary, state: &BodyState, sum: impl FnOnce(&mut [f64])) -> Self {
+    /// Does the same if the mesh may be a part: `add` adds the forces of other loads ([`BoundaryForces::add_load`]), and
+    /// `sum` replaces each value by its sum over the ranks.
+    pub(super) fn of_ranks(
+        mesh: &Mesh,
+        boundary: &Boundary,
+        state: &BodyState,
+        add: impl FnOnce(&mut Self),
+        sum: impl FnOnce(&mut [f64]),
+    ) -> Self {
         let mut forces = Self::of_own_nodes(mesh, boundary, state);
+        add(&mut forces);
         if mesh.part().is_some() {
             let mut values = forces.to_values();
             sum(&mut values);
@@ -94,7 +102,7 @@ impl BoundaryForces {
         let mut forces = Self {
             surfaces: mesh.surfaces().iter().map(surface).collect(),
             points: boundary.point_nodes().iter().map(point).collect(),
-            rigid: rigid_forces(boundary, state),
+            rigid: rigid_forces(mesh, boundary, state),
         };
         boundary.reactions(
             (internal, external),
@@ -108,11 +116,8 @@ impl BoundaryForces {
         for load in boundary.loads() {
             if let Some(source) = load.source() {
                 let nodal = |forces: &mut [[f64; 3]]| load.add_forces(*t, displacements, forces);
-                let resultant = match mesh.part() {
-                    None => load.resultant(*t, displacements),
-                    Some(part) => of_own_nodes(&part.is_own_node, nodal),
-                };
-                forces.add_load(source, resultant, nodal, boundary, displacements.len());
+                let resultant = || load.resultant(*t, displacements);
+                forces.add_load(source, resultant, nodal, (mesh, boundary));
             }
         }
         forces
@@ -123,13 +128,15 @@ impl BoundaryForces {
         let of_surface = |s: &SurfaceForce| [[s.area, s.reference_area, 0.0], s.force, s.displacement];
         let of_point = |p: &PointForce| [[f64::from(p.node), 0.0, 0.0], p.force, p.displacement];
         let all = self.surfaces.iter().flat_map(of_surface).chain(self.points.iter().flat_map(of_point));
-        all.flatten().collect()
+        all.chain(self.rigid.iter().map(|rigid| rigid.moment)).flatten().collect()
     }
 
     /// Sets the values of [`BoundaryForces::to_values`].
     fn set_values(&mut self, values: &[f64]) {
         let (values, _) = values.as_chunks::<3>();
-        let (of_surfaces, of_points) = values.split_at(3 * self.surfaces.len());
+        let (of_surfaces, values) = values.split_at(3 * self.surfaces.len());
+        let (of_points, moments) = values.split_at(3 * self.points.len());
+        self.rigid.iter_mut().zip(moments).for_each(|(rigid, moment)| rigid.moment = *moment);
         for (surface, values) in self.surfaces.iter_mut().zip(of_surfaces.chunks_exact(3)) {
             [surface.area, surface.reference_area, _] = values[0];
             (surface.force, surface.displacement) = (values[1], values[2]);
@@ -139,20 +146,26 @@ impl BoundaryForces {
         }
     }
 
-    /// Adds the force of a load, N, and its moment on a rigid surface; `nodal` adds the forces on the `nodes` nodes.
+    /// Adds the force of a load, N, and its moment on a rigid surface; `nodal` adds the forces on the nodes. In a part of a
+    /// mesh, the force is that on own nodes.
     pub(super) fn add_load(
         &mut self,
         source: Source,
-        resultant: [f64; 3],
-        nodal: impl FnOnce(&mut [[f64; 3]]),
-        boundary: &Boundary,
-        nodes: usize,
+        resultant: impl FnOnce() -> [f64; 3],
+        nodal: impl Fn(&mut [[f64; 3]]),
+        (mesh, boundary): (&Mesh, &Boundary),
     ) {
         let Some(force) = self.force_mut(source) else { return };
+        let resultant = match mesh.part() {
+            None => resultant(),
+            Some(part) => of_own_nodes(&part.is_own_node, &nodal),
+        };
         force.iter_mut().zip(resultant).for_each(|(sum, part)| *sum += part);
         let mut surfaces = self.rigid.iter_mut().zip(boundary.kinematics().rigid_surfaces());
-        if let Some((of, rigid)) = surfaces.find(|(of, _)| source == Source::Surface(of.surface)) {
-            let mut forces = vec![[0.0; 3]; nodes];
+        if let Some((of, rigid)) = surfaces.find(|(of, _)| source == Source::Surface(of.surface))
+            && is_own(mesh, rigid)
+        {
+            let mut forces = vec![[0.0; 3]; mesh.nodes().len()];
             nodal(&mut forces);
             let moment = rigid.moment(&of.motion, &forces);
             of.moment.iter_mut().zip(moment).for_each(|(sum, part)| *sum += part);
@@ -175,20 +188,26 @@ impl BoundaryForces {
     }
 }
 
-fn rigid_forces(boundary: &Boundary, state: &BodyState) -> Vec<RigidForce> {
+/// Returns the motions of the rigid surfaces, and the moments on those whose nodes belong to this rank.
+fn rigid_forces(mesh: &Mesh, boundary: &Boundary, state: &BodyState) -> Vec<RigidForce> {
     let exerted = state.internal.iter().zip(&state.external);
     let exerted: Vec<[f64; 3]> = exerted.map(|(f, external)| std::array::from_fn(|i| f[i] - external[i])).collect();
     let surfaces = boundary.kinematics().rigid_surfaces().iter().zip(&state.rigid);
     let force = |(rigid, motion): (&RigidSurface, &RigidMotion)| RigidForce {
         surface: rigid.surface,
-        moment: rigid.moment(motion, &exerted),
+        moment: if is_own(mesh, rigid) { rigid.moment(motion, &exerted) } else { [0.0; 3] },
         motion: *motion,
     };
     surfaces.map(force).collect()
 }
 
+/// Returns true if the nodes of a rigid surface belong to this rank.
+fn is_own(mesh: &Mesh, rigid: &RigidSurface) -> bool {
+    rigid.nodes.first().is_some_and(|&node| mesh.is_own_node(node))
+}
+
 /// Returns the sum over the own nodes of the forces that `nodal` adds, N.
-fn of_own_nodes(is_own: &[bool], nodal: impl FnOnce(&mut [[f64; 3]])) -> [f64; 3] {
+fn of_own_nodes(is_own: &[bool], nodal: impl Fn(&mut [[f64; 3]])) -> [f64; 3] {
     let mut forces = vec![[0.0; 3]; is_own.len()];
     nodal(&mut forces);
     let own = forces.iter().zip(is_own).filter(|(_, is_own)| **is_own);

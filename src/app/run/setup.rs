@@ -102,7 +102,7 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
         let part = match ranks {
             None => None,
             Some(BodyRanks { rank, ranks }) => {
-                let division = Division::new(&whole, partition(&whole, ranks), ranks);
+                let division = Division::new(&whole, partition(&whole, ranks), ranks, boundary.node_groups());
                 let params = macro_scale::step_params(&case);
                 BodyPart::new::<B, _>(&whole, &boundary, &conditions, &division, rank, &params).map_err(Box::new)?
             }

@@ -201,10 +201,18 @@ impl<const N: usize, const Q: usize> Block<N, Q> {
         });
     }
 
-    /// Returns the deformed volume at the points marked in `points`, m^3, and adds its derivatives by the displacements
-    /// of the nodes, m^2, to `gradient`.
-    pub fn add_volume_gradient(&self, points: &[bool], displacements: &[[f64; 3]], gradient: &mut [[f64; 3]]) -> f64 {
+    /// Returns the deformed volume at the points marked in `points`, m^3, of which `own` may select some, and adds the
+    /// derivatives of all by the displacements of the nodes, m^2, to `gradient`.
+    pub fn add_volume_gradient(
+        &self,
+        (points, own): (&[bool], Option<&[bool]>),
+        displacements: &[[f64; 3]],
+        gradient: &mut [[f64; 3]],
+    ) -> f64 {
         let is_inside = self.of_points(points);
+        // All points of an element belong to one rank.
+        let own = own.map(|own| self.of_points(own));
+        let is_own = |element: usize| own.is_none_or(|own| own[element][0]);
         let volumes = nodal_sums::add(&self.chunks, gradient, |element, gradient, nodes| {
             let u = gather(displacements, &self.nodes[element]);
             let mut volume = 0.0;
@@ -214,7 +222,7 @@ impl<const N: usize, const Q: usize> Block<N, Q> {
                 volume += point.volume * f.determinant();
                 scatter(gradient, nodes, local::internal_force(point, &cofactor(&f)));
             }
-            volume
+            if is_own(element) { volume } else { 0.0 }
         });
         volumes.into_iter().sum()
     }

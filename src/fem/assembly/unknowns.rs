@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::fem::kinematics::{Kinematics, Rows};
+use crate::fem::kinematics::{Kinematics, RigidSurface, Rows};
 use crate::fem::mesh::{Division, Mesh, Part};
 use crate::las::{RankRows, Sparsity, SparsityError};
 
@@ -14,6 +14,16 @@ pub struct Unknowns {
     rigid_equations: Vec<[i32; 6]>,
     kinematics: Arc<Kinematics>,
     free: usize,
+}
+
+/// Numbers of the unknowns of a whole body, rank by rank.
+struct RankNumbers {
+    /// As [`Unknowns::equation_numbers`].
+    of_nodes: Vec<i32>,
+    /// As [`Unknowns::rigid_equations`].
+    of_surfaces: Vec<[i32; 6]>,
+    /// The first number of each rank, then the number of all.
+    starts: Vec<usize>,
 }
 
 impl Unknowns {
@@ -76,27 +86,23 @@ impl Unknowns {
         Ok(self)
     }
 
-    /// Returns the unknowns of a part of the mesh by local numbers, and the rows of the rank ([`RankRows`]). These
-    /// unknowns must be numbered in the order of the ranks of their nodes ([`Division::node_order`]), and there are no
-    /// rigid surfaces. [`Unknowns::free`] then counts local numbers, ghosts included.
+    /// Returns the unknowns of a part of the mesh by local numbers, and the rows of the rank ([`RankRows`]). The rank that
+    /// owns the nodes of a rigid surface owns its unknowns; all others have them as ghosts. [`Unknowns::free`] then counts
+    /// local numbers, ghosts included.
     pub(in crate::fem) fn on_part(
         &self,
         division: &Division,
         part: &Part,
         kinematics: &Arc<Kinematics>,
     ) -> (Self, RankRows) {
-        let (of_nodes, _) = self.equation_numbers.as_chunks::<3>();
-        let free = |numbers: &[i32; 3]| numbers.iter().filter(|&&number| number >= 0).count();
-        let ranks = of_nodes.iter().zip(&division.rank_of_node);
-        let (mut start, mut count) = (0, 0);
-        for (numbers, &rank) in ranks {
-            start += if (rank as usize) < part.rank { free(numbers) } else { 0 };
-            count += if rank as usize == part.rank { free(numbers) } else { 0 };
-        }
-        let own = start..start + count;
+        let renumbered = self.by_rank(division);
+        let of_nodes = renumbered.of_nodes.as_chunks::<3>().0;
         let in_part = part.nodes.iter().flat_map(|&node| of_nodes[node as usize]);
+        let of_surfaces = renumbered.of_surfaces.as_flattened().iter().copied();
+        let own = renumbered.starts[part.rank]..renumbered.starts[part.rank + 1];
         let is_ghost = |&number: &i32| number >= 0 && !own.contains(&(number as usize));
-        let mut ghosts: Vec<u32> = in_part.clone().filter(is_ghost).map(|number| number as u32).collect();
+        let all = in_part.clone().chain(of_surfaces);
+        let mut ghosts: Vec<u32> = all.filter(is_ghost).map(|number| number as u32).collect();
         ghosts.sort_unstable();
         let rows = RankRows { own, ghosts, total: self.free };
         let local = |number: i32| {
@@ -105,11 +111,43 @@ impl Unknowns {
         };
         let unknowns = Self {
             equation_numbers: in_part.map(local).collect(),
-            rigid_equations: Vec::new(),
+            rigid_equations: renumbered.of_surfaces.iter().map(|numbers| numbers.map(local)).collect(),
             kinematics: Arc::clone(kinematics),
             free: rows.local(),
         };
         (unknowns, rows)
+    }
+
+    /// Numbers the unknowns of the ranks one after the other: of each, those of its nodes, ascending, then those of its
+    /// rigid surfaces.
+    fn by_rank(&self, division: &Division) -> RankNumbers {
+        let rank_of_surface =
+            |surface: &RigidSurface| surface.nodes.first().map_or(0, |&node| division.rank_of_node[node as usize]);
+        let rank_of_surface: Vec<u32> = self.kinematics.rigid_surfaces().iter().map(rank_of_surface).collect();
+        let (mut of_nodes, mut of_surfaces) =
+            (vec![-1; self.equation_numbers.len()], vec![[-1; 6]; rank_of_surface.len()]);
+        let (mut next, mut starts) = (0, vec![0]);
+        let mut number = |to: &mut [i32], from: &[i32]| {
+            for (to, _) in to.iter_mut().zip(from).filter(|(_, from)| **from >= 0) {
+                *to = next;
+                next += 1;
+            }
+            next as usize
+        };
+        let order = division.node_order();
+        let mut nodes = order.iter().map(|&node| node as usize).peekable();
+        for rank in 0..division.ranks as u32 {
+            let mut end = starts[rank as usize];
+            while let Some(node) = nodes.next_if(|&node| division.rank_of_node[node] == rank) {
+                let place = 3 * node..3 * node + 3;
+                end = number(&mut of_nodes[place.clone()], &self.equation_numbers[place]);
+            }
+            for (surface, _) in rank_of_surface.iter().enumerate().filter(|(_, of)| **of == rank) {
+                end = number(&mut of_surfaces[surface], &self.rigid_equations[surface]);
+            }
+            starts.push(end);
+        }
+        RankNumbers { of_nodes, of_surfaces, starts }
     }
 
     /// Returns the equation number of component `c` of node `a` at `3 * a + c`; -1 if the component is prescribed.

@@ -50,11 +50,11 @@ pub fn volume_tangent(f: &Matrix3<f64>) -> SMatrix<f64, 9, 9> {
 }
 
 impl Geometry {
-    /// Returns the volume of the deformed elements at the points marked in `points`, m^3, and adds `dV/du`, m^2, to
-    /// `gradient`.
+    /// Returns the volume of the deformed elements at the points marked in `points`, m^3, of which `own` may select some,
+    /// and adds `dV/du` of all of them, m^2, to `gradient`.
     pub(in crate::fem) fn add_volume_gradient(
         &self,
-        points: &[bool],
+        points: (&[bool], Option<&[bool]>),
         displacements: &[[f64; 3]],
         gradient: &mut [[f64; 3]],
     ) -> f64 {

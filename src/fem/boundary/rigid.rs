@@ -7,7 +7,7 @@ use nalgebra::Vector3;
 use super::prescribed::compared_times;
 use super::{BoundaryError, ENDS, LoadCurve, PrescribedComponent, Source, check_finite, check_finite_at, find_surface};
 use crate::fem::kinematics::{RigidMotion, RigidSurface};
-use crate::fem::mesh::{Mesh, Surface};
+use crate::fem::mesh::{Mesh, Part, Surface};
 
 /// The greatest part of a displacement that may be normal to a plane of symmetry, and the greatest sine of an angle between a
 /// rotation vector and the normal: above the errors of values with 5 digits, and of the normal of a mesh whose coordinates
@@ -76,6 +76,11 @@ impl RigidCondition {
 }
 
 impl ResolvedRigid {
+    /// Returns the rigid surface on a part of the mesh.
+    pub fn on_part(&self, part: &Part) -> Self {
+        Self { surface: self.surface.on_part(|node| part.local_node(node)), components: self.components.clone() }
+    }
+
     /// Checks that the prescribed part of a rotation vector with free components stays below the length at which the
     /// vector does not determine the rotation about other axes.
     fn check_angle(&self, surface: &str) -> Result<(), BoundaryError> {

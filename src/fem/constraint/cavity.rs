@@ -15,7 +15,7 @@
 use std::collections::HashSet;
 
 use crate::fem::boundary::{add_pressure_stiffness, find_surface, unmatched_edges};
-use crate::fem::mesh::{Faces, Mesh};
+use crate::fem::mesh::{Faces, Mesh, Part};
 
 use super::error::{ConstraintError, OpenEdge};
 
@@ -26,8 +26,10 @@ pub struct Cavity {
     faces: Faces,
     /// The number of each surface in [`Mesh::surfaces`] and its faces.
     surfaces: Vec<(usize, Faces)>,
-    /// A node of the surface.
-    origin: u32,
+    /// A node of the surface; `None` in a part of a mesh.
+    origin: Option<u32>,
+    /// In a part of a mesh, whether the volume of each face counts on this rank.
+    own: Option<Vec<bool>>,
     /// Positions of the nodes of the mesh relative to that node in the reference state, m.
     positions: Vec<[f64; 3]>,
 }
@@ -43,10 +45,11 @@ impl Cavity {
             faces.extend(&surface.faces);
             surfaces.push((number, surface.faces.clone()));
         }
-        let origin = faces.iter().next().and_then(|nodes| nodes.first()).copied().unwrap_or_default();
-        let center = mesh.nodes().get(origin as usize).copied().unwrap_or_default();
+        let origin = faces.iter().next().and_then(|nodes| nodes.first()).copied();
+        let center = origin.and_then(|origin| mesh.nodes().get(origin as usize)).copied().unwrap_or_default();
         let relative = |x: &[f64; 3]| std::array::from_fn(|i| x[i] - center[i]);
-        let cavity = Self { faces, surfaces, origin, positions: mesh.nodes().iter().map(relative).collect() };
+        let positions = mesh.nodes().iter().map(relative).collect();
+        let cavity = Self { faces, surfaces, origin, own: None, positions };
         cavity.check_distinct(constraint)?;
         cavity.check_closed(mesh, constraint)?;
         let volume = cavity.volume(&vec![[0.0; 3]; mesh.nodes().len()]);
@@ -98,20 +101,35 @@ impl Cavity {
         &self.faces
     }
 
+    /// Returns the cavity on a part of the mesh, with the faces at its own nodes.
+    pub(super) fn on_part(&self, part: &Part) -> Self {
+        let (faces, _) = part.faces(&self.faces);
+        let is_own = |nodes: &[u32]| part.is_own_node[nodes[0] as usize];
+        Self {
+            own: Some(faces.iter().map(is_own).collect()),
+            faces,
+            surfaces: self.surfaces.iter().map(|(number, faces)| (*number, part.faces(faces).0)).collect(),
+            origin: None,
+            positions: part.nodes.iter().map(|&node| self.positions[node as usize]).collect(),
+        }
+    }
+
     /// Returns the current positions of nodes relative to the origin, which moves with the body: their rounding errors
-    /// are those of the size of the cavity, wherever it is.
+    /// are those of the size of the cavity, wherever it is. In a part of a mesh, the origin stays where it is, because it
+    /// must be the same on all ranks.
     fn current(&self, nodes: &[u32], displacements: &[[f64; 3]]) -> Vec<[f64; 3]> {
-        let of_origin = displacements[self.origin as usize];
+        let of_origin = self.origin.map_or([0.0; 3], |origin| displacements[origin as usize]);
         let at = |node: usize| -> [f64; 3] {
             std::array::from_fn(|i| self.positions[node][i] + (displacements[node][i] - of_origin[i]))
         };
         nodes.iter().map(|&node| at(node as usize)).collect()
     }
 
-    /// Returns the volume at these displacements of the nodes, m^3.
+    /// Returns the volume at these displacements of the nodes, m^3; in a part of a mesh, the share of this rank.
     pub fn volume(&self, displacements: &[[f64; 3]]) -> f64 {
         let mut sum = 0.0;
-        for (face_type, nodes) in self.faces.typed() {
+        let is_own = |face: usize| self.own.as_ref().is_none_or(|own| own[face]);
+        for (_, (face_type, nodes)) in self.faces.typed().enumerate().filter(|(face, _)| is_own(*face)) {
             let current = self.current(nodes, displacements);
             face_type.integrate(&current, |values, area| {
                 for (value, x) in values.iter().zip(&current) {

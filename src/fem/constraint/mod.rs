@@ -66,8 +66,9 @@ pub struct Constraint {
 /// The volume of a constraint on a mesh.
 #[derive(Clone, Debug)]
 pub(super) enum Domain {
-    /// Whether each integration point belongs to the region.
-    Region(Vec<bool>),
+    /// Whether each integration point belongs to the region. In a part of a mesh, `own` tells whose volume counts on this
+    /// rank.
+    Region { points: Vec<bool>, own: Option<Vec<bool>> },
     /// The surfaces of the cavity.
     Cavity(Cavity),
 }
@@ -93,6 +94,14 @@ impl Constraints {
     ) -> Result<Self, ConstraintError> {
         let resolve = |condition| Constraint::new(mesh, geometry, condition, prescribed);
         conditions.iter().map(resolve).collect::<Result<_, _>>().map(Self)
+    }
+
+    /// Returns the constraints on a part of the mesh that they were resolved on.
+    ///
+    /// # Panics
+    /// Panics if `mesh` is no part of that mesh.
+    pub(super) fn on_part(&self, mesh: &Mesh) -> Self {
+        Self(self.iter().map(|constraint| constraint.on_part(mesh)).collect())
     }
 
     /// Returns the constraints, in their order.
@@ -148,7 +157,7 @@ impl Constraint {
         let VolumeConstraint { name, of, curve, method } = condition.clone();
         check_parameters(condition)?;
         let domain = match &of {
-            ConstrainedVolume::Region(region) => Domain::Region(points_of(mesh, &name, region)?),
+            ConstrainedVolume::Region(region) => Domain::Region { points: points_of(mesh, &name, region)?, own: None },
             ConstrainedVolume::Cavity(surfaces) => Domain::Cavity(Cavity::new(mesh, &name, surfaces)?),
         };
         let mut constraint = Self { name, domain, curve, method, reference: 0.0, weight: 1.0, compliance: 0.0 };
@@ -157,6 +166,21 @@ impl Constraint {
         constraint.reference = constraint.evaluate(geometry, &at_rest, &mut gradient);
         constraint.check_influence(&gradient, prescribed)?;
         Ok(constraint)
+    }
+
+    fn on_part(&self, mesh: &Mesh) -> Self {
+        let domain = match &self.domain {
+            Domain::Region { points, .. } => {
+                let numbering = mesh.points();
+                let points = (0..numbering.len()).map(|point| points[numbering.in_whole(point)]).collect();
+                Domain::Region { points, own: Some(mesh.own_points()) }
+            }
+            Domain::Cavity(cavity) => {
+                Domain::Cavity(mesh.part().map_or_else(|| cavity.clone(), |part| cavity.on_part(part)))
+            }
+        };
+        let (name, curve) = (self.name.clone(), self.curve.clone());
+        Self { name, domain, curve, ..*self }
     }
 
     /// Checks that the gradient at rest has components that are not prescribed.
@@ -205,7 +229,7 @@ impl Constraint {
     /// Returns the cavity, if the volume is that of one.
     pub fn cavity(&self) -> Option<&Cavity> {
         match &self.domain {
-            Domain::Region(_) => None,
+            Domain::Region { .. } => None,
             Domain::Cavity(cavity) => Some(cavity),
         }
     }
@@ -213,7 +237,7 @@ impl Constraint {
     /// Returns whether each integration point belongs to the region, if the volume is that of one.
     pub fn region_points(&self) -> Option<&[bool]> {
         match &self.domain {
-            Domain::Region(points) => Some(points),
+            Domain::Region { points, .. } => Some(points),
             Domain::Cavity(_) => None,
         }
     }
@@ -228,11 +252,14 @@ impl Constraint {
         state.volume - state.target + self.compliance * (state.pressure - state.augmented)
     }
 
-    /// Returns the volume at these displacements, m^3, and writes `dV/du`, m^2, for all nodes.
+    /// Returns the volume at these displacements, m^3, and writes `dV/du`, m^2, for all nodes. In a part of a mesh, the
+    /// volume is the share of this rank, and the gradient complete at own nodes.
     pub(super) fn evaluate(&self, geometry: &Geometry, displacements: &[[f64; 3]], gradient: &mut [[f64; 3]]) -> f64 {
         gradient.fill([0.0; 3]);
         match &self.domain {
-            Domain::Region(points) => geometry.add_volume_gradient(points, displacements, gradient),
+            Domain::Region { points, own } => {
+                geometry.add_volume_gradient((points, own.as_deref()), displacements, gradient)
+            }
             Domain::Cavity(cavity) => {
                 cavity.add_gradient(displacements, gradient);
                 cavity.volume(displacements)

@@ -3,7 +3,7 @@
 //! Newton's method gets constraints in the unit of forces, `w c`, with multipliers `p / w` in meters; see
 //! [`constraint`](crate::fem::constraint#weight).
 
-use super::{BodyState, Equilibrium, EquilibriumError, norm, scatter};
+use super::{BodyState, Equilibrium, EquilibriumError, RankSums, scatter};
 use crate::fem::assembly::Assembler;
 use crate::fem::boundary::Source;
 use crate::fem::constraint::{Constraint, ConstraintMethod, Constraints, VolumeState};
@@ -37,9 +37,18 @@ impl Volumes {
         squares.sum::<f64>().sqrt()
     }
 
+    /// Returns the norm of the gradient of each constraint, m^2.
+    pub fn gradient_norms<B: RealBackend>(&self, ranks: &RankSums<B>) -> Result<Vec<f64>, B::Error> {
+        let mut squares: Vec<f64> = self.gradients.iter().map(|gradient| ranks.squares(gradient)).collect();
+        if !squares.is_empty() {
+            ranks.sum(&mut squares)?;
+        }
+        Ok(squares.into_iter().map(f64::sqrt).collect())
+    }
+
     /// Returns the largest norm of the forces of a constraint, N: the forces of the material may cancel them.
-    pub fn scale(&self, states: &[VolumeState]) -> f64 {
-        let norms = states.iter().zip(&self.gradients).map(|(state, gradient)| state.pressure.abs() * norm(gradient));
+    pub fn scale(states: &[VolumeState], gradient_norms: &[f64]) -> f64 {
+        let norms = states.iter().zip(gradient_norms).map(|(state, norm)| state.pressure.abs() * norm);
         norms.fold(0.0, f64::max)
     }
 
@@ -63,9 +72,9 @@ impl Volumes {
 
     /// Returns the norm of the constraints that is due to rounding, N: 8 units in the last place of each volume and, by
     /// the gradients of the last evaluation, of displacements of which the largest is `displacement`, m.
-    pub fn floor(&self, states: &[VolumeState], displacement: f64) -> f64 {
-        let squares = self.with(states).zip(&self.gradients).map(|((constraint, state), gradient)| {
-            let volume = state.volume.abs().max(state.target) + norm(gradient) * displacement;
+    pub fn floor(&self, states: &[VolumeState], gradient_norms: &[f64], displacement: f64) -> f64 {
+        let squares = self.with(states).zip(gradient_norms).map(|((constraint, state), norm)| {
+            let volume = state.volume.abs().max(state.target) + norm * displacement;
             (8.0 * f64::EPSILON * constraint.weight() * volume).powi(2)
         });
         squares.sum::<f64>().sqrt()
@@ -89,12 +98,18 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
         }
         let volumes = self.assembler.geometry().volumes();
         let norms: Vec<f64> = self.trial.responses.tangent.iter().map(|tangent| tangent.norm()).collect();
-        for constraint in self.volumes.constraints.iter_mut() {
+        let own = self.mesh.own_points();
+        let mut sums = Vec::with_capacity(2 * self.volumes.constraints.len());
+        for constraint in self.volumes.constraints.iter() {
             let is_inside = |point: usize| constraint.region_points().is_none_or(|points| points[point]);
-            let points = (0..norms.len()).filter(|&point| is_inside(point));
+            let points = (0..norms.len()).filter(|&point| is_inside(point) && own[point]);
             let (sum, volume) =
                 points.fold((0.0, 0.0), |(sum, all), k| (sum + volumes[k] * norms[k], all + volumes[k]));
-            constraint.set_stiffness(sum / volume);
+            sums.extend([sum, volume]);
+        }
+        self.sum_or_nan(&mut sums);
+        for (constraint, sums) in self.volumes.constraints.iter_mut().zip(sums.chunks_exact(2)) {
+            constraint.set_stiffness(sums[0] / sums[1]);
         }
         self.set_targets();
         self.add_constraint_forces();
@@ -114,8 +129,18 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
         for ((constraint, state), gradient) in self.volumes.constraints.iter().zip(&mut trial.volumes).zip(gradients) {
             state.volume = constraint.evaluate(geometry, &trial.displacements, gradient);
         }
+        self.sum_volumes();
         self.add_region_forces();
         self.add_cavity_forces();
+    }
+
+    /// Replaces the volumes of the trial state, the shares of this rank, by those of the whole body.
+    fn sum_volumes(&mut self) {
+        let mut volumes: Vec<f64> = self.trial.volumes.iter().map(|state| state.volume).collect();
+        if !volumes.is_empty() {
+            self.sum_or_nan(&mut volumes);
+        }
+        self.trial.volumes.iter_mut().zip(volumes).for_each(|(state, volume)| state.volume = volume);
     }
 
     /// Adds the forces of regions at the gradients of the last evaluation to the internal forces of the trial state.
@@ -175,10 +200,13 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
     ) -> Result<(), B::Error> {
         let geometry = self.assembler.geometry();
         let states = self.trial.volumes.iter_mut().zip(&mut self.volumes.gradients);
-        for (j, (constraint, (state, gradient))) in self.volumes.constraints.iter().zip(states).enumerate() {
+        for (constraint, (state, gradient)) in self.volumes.constraints.iter().zip(states) {
             let committed = constraint.evaluate(geometry, &self.committed.displacements, gradient);
-            let products = gradient.as_flattened().iter().zip(increments.as_flattened()).map(|(slope, du)| slope * du);
-            state.volume = committed + products.sum::<f64>();
+            let product = |node: usize| gradient[node].iter().zip(increments[node]).map(|(slope, du)| slope * du).sum();
+            state.volume = committed + self.ranks.over_own(gradient.len(), product);
+        }
+        self.sum_volumes();
+        for (j, (constraint, state)) in self.volumes.with(&self.trial.volumes).enumerate() {
             system.border.residuals[j] = -weighted_residual(constraint, state);
         }
         let Self { volumes, nodal, assembler, committed, .. } = self;
@@ -253,9 +281,9 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
             let Some(cavity) = constraint.cavity() else { continue };
             for (surface, faces) in cavity.surfaces() {
                 let displacements = &state.displacements;
-                let resultant = cavity.resultant(faces, *pressure, displacements);
                 let nodal = |forces: &mut [[f64; 3]]| cavity.add_forces(faces, *pressure, displacements, forces);
-                forces.add_load(Source::Surface(surface), resultant, nodal, &self.boundary, displacements.len());
+                let resultant = || cavity.resultant(faces, *pressure, displacements);
+                forces.add_load(Source::Surface(surface), resultant, nodal, (&self.mesh, &self.boundary));
             }
         }
     }

@@ -48,6 +48,13 @@ impl RigidSurface {
         Self { surface, reference, length: if longest > 0.0 { longest } else { 1.0 }, nodes, arms }
     }
 
+    /// Returns the surface with the nodes of a part of the mesh; `place` returns the number of a node in the part.
+    pub(in crate::fem) fn on_part(&self, place: impl Fn(u32) -> Option<u32>) -> Self {
+        let held = self.nodes.iter().zip(&self.arms).filter_map(|(&node, arm)| Some((place(node)?, *arm)));
+        let (nodes, arms) = held.unzip();
+        Self { nodes, arms, ..*self }
+    }
+
     /// Returns `X - X_ref` of the node at this position in [`RigidSurface::nodes`].
     pub(super) fn arm(&self, position: usize) -> &Vector3<f64> {
         &self.arms[position]

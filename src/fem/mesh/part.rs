@@ -6,7 +6,8 @@ use super::{Elements, Faces, Mesh, PointNumbering, Surface};
 
 /// The division of a mesh among ranks.
 ///
-/// Every element belongs to one rank, and every node to the lowest rank among those of its elements.
+/// Every element belongs to one rank, and every node to the lowest rank among those of its elements. Nodes that share
+/// unknowns belong to one rank.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Division {
     /// The rank of each element.
@@ -56,11 +57,16 @@ pub struct Sizes {
 }
 
 impl Division {
-    /// Divides a mesh, given the rank of each element.
+    /// Divides a mesh, given the rank of each element. All nodes of a group belong to the lowest rank among them.
     ///
     /// # Panics
-    /// Panics if `rank_of_element` does not have one entry per element.
-    pub fn new(mesh: &Mesh, rank_of_element: Vec<u32>, ranks: usize) -> Self {
+    /// Panics if `rank_of_element` does not have one entry per element, or a group contains an index that is not a node.
+    pub fn new<'a>(
+        mesh: &Mesh,
+        rank_of_element: Vec<u32>,
+        ranks: usize,
+        groups: impl Iterator<Item = &'a [u32]>,
+    ) -> Self {
         assert_eq!(rank_of_element.len(), mesh.elements.len(), "one rank per element");
         let mut rank_of_node = vec![u32::MAX; mesh.nodes.len()];
         for (nodes, &rank) in mesh.elements.iter().zip(&rank_of_element) {
@@ -68,6 +74,10 @@ impl Division {
                 let of_node = &mut rank_of_node[node as usize];
                 *of_node = rank.min(*of_node);
             }
+        }
+        for group in groups {
+            let lowest = group.iter().map(|&node| rank_of_node[node as usize]).min().unwrap_or_default();
+            group.iter().for_each(|&node| rank_of_node[node as usize] = lowest);
         }
         Self { rank_of_element, rank_of_node, ranks }
     }
@@ -226,7 +236,7 @@ mod tests {
     fn divided(mesh: &Mesh, ranks: usize) -> Vec<Mesh> {
         let elements = mesh.elements().len();
         let rank_of: Vec<u32> = (0..elements).map(|element| (element * ranks / elements) as u32).collect();
-        let division = Division::new(mesh, rank_of, ranks);
+        let division = Division::new(mesh, rank_of, ranks, std::iter::empty());
         (0..ranks).map(|rank| mesh.divided(&division, rank)).collect()
     }
 

@@ -3,9 +3,10 @@
 use std::sync::Arc;
 
 use super::system::LinearSystem;
-use super::{SetupError, StepParams};
-use crate::fem::assembly::Unknowns;
+use super::{SetupError, StepParams, merged};
+use crate::fem::assembly::{self, Unknowns};
 use crate::fem::boundary::{Boundary, Conditions};
+use crate::fem::constraint::Constraints;
 use crate::fem::mesh::{Division, Mesh};
 use crate::las::{Backend, RankRows, SolverChoice, SolverParams};
 
@@ -15,6 +16,7 @@ use crate::las::{Backend, RankRows, SolverChoice, SolverParams};
 pub struct BodyPart {
     pub(super) mesh: Arc<Mesh>,
     pub(super) boundary: Boundary,
+    pub(super) constraints: Constraints,
     /// The unknowns of the part, by local numbers.
     pub(super) unknowns: Unknowns,
     pub(super) rows: RankRows,
@@ -26,11 +28,10 @@ pub struct BodyPart {
 
 impl BodyPart {
     /// Divides a body. `boundary` holds the conditions, resolved on the whole mesh. Every rank passes the same body and keeps the part of
-    /// `rank`; nothing is communicated. `None` if the body cannot be divided: one with volume constraints, rigid surfaces or
-    /// loads that cannot ([`Load::on_part`](crate::fem::boundary::Load::on_part)); every rank then holds the whole body.
+    /// `rank`; nothing is communicated. `None` if the body cannot be divided: one with loads that cannot ([`Load::on_part`](crate::fem::boundary::Load::on_part)); every rank then holds the whole body.
     ///
     /// # Errors
-    /// Returns [`SetupError`] if the linear system would be too large.
+    /// Returns [`SetupError`] if the linear system would be too large, or a constraint cannot be imposed.
     ///
     /// # Panics
     /// Panics if the division is not one of this mesh.
@@ -42,14 +43,17 @@ impl BodyPart {
         rank: usize,
         params: &StepParams,
     ) -> Result<Option<Self>, SetupError<E, B::Error>> {
-        if !conditions.constraints.is_empty() {
-            return Ok(None);
-        }
         let of_part = mesh.divided(division, rank);
         let Some(part) = of_part.part() else { return Ok(None) };
         let Ok(own_boundary) = boundary.on_part(part) else { return Ok(None) };
-        let order = division.node_order();
-        let system = LinearSystem::new::<B>(&order, mesh, boundary, 0, params)?;
+        let order: Vec<u32> = (0..mesh.nodes().len() as u32).collect();
+        let constraints = if conditions.constraints.is_empty() {
+            Constraints::default()
+        } else {
+            let (geometry, fixed) = (assembly::geometry(mesh)?, boundary.fixed_components(mesh.nodes().len()));
+            Constraints::new(mesh, &geometry, &conditions.constraints, &fixed)?.on_part(&of_part)
+        };
+        let system = LinearSystem::new::<B>(&order, mesh, boundary, constraints.len(), params)?;
         let (unknowns, rows) = system.unknowns.on_part(division, part, own_boundary.kinematics());
         Ok(Some(Self {
             boundary: own_boundary,
@@ -58,7 +62,8 @@ impl BodyPart {
             solver: system.solver,
             choice: system.choice,
             has_costly_factorization: system.has_costly_factorization,
-            break_points: boundary.break_points(),
+            break_points: merged(boundary.break_points(), constraints.break_points()),
+            constraints,
             mesh: Arc::new(of_part),
         }))
     }

@@ -188,7 +188,8 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
         field: P,
         params: StepParams,
     ) -> Result<Self, SetupError<P::Error, B::Error>> {
-        let BodyPart { mesh, boundary, unknowns, rows, solver, choice, has_costly_factorization, break_points } = part;
+        let BodyPart { mesh, boundary, constraints, unknowns, rows, .. } = part;
+        let (solver, choice, has_costly_factorization) = (part.solver, part.choice, part.has_costly_factorization);
         let (own, total) = (rows.own.len(), rows.total);
         let context = B::with_rows(context, rows).map_err(SolveError::Backend)?.ok_or(SolveError::Unsupported {
             backend: B::NAME,
@@ -198,12 +199,13 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
         let geometry = assembly::geometry(&mesh)?;
         let pattern = Arc::new(unknowns.pattern(&mesh)?.first_rows(own));
         let symbolic = B::analyze(&context, &pattern, &solver)?;
-        let system = NewtonSystem::new(&context, &pattern, &symbolic)?;
+        let system = NewtonSystem::bordered(&context, &pattern, &symbolic, constraints.len())?;
         let mut assembler = Assembler::new(geometry, &unknowns, &system.matrix).map_err(SolveError::Backend)?;
         assembler.locate_loads(boundary.loads(), &system.matrix).map_err(SolveError::Backend)?;
+        assembler.locate_constraints(&constraints, &system.matrix).map_err(SolveError::Backend)?;
         assembler.count_own_points(&mesh);
-        let body = Equilibrium::on_part((context, total), mesh, boundary, assembler, field)?;
-        Ok(Self::assembled(body, system, (choice, has_costly_factorization), (total, break_points), params))
+        let body = Equilibrium::on_part((context, total), mesh, boundary, constraints, assembler, field)?;
+        Ok(Self::assembled(body, system, (choice, has_costly_factorization), (total, part.break_points), params))
     }
 
     fn assembled(

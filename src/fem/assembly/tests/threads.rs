@@ -54,7 +54,7 @@ fn evaluate(mesh: &Mesh, kinematics: &Arc<Kinematics>, prescribed: impl Fn([f64;
         let [mut forces, mut linearized, mut volume_gradient, mut pressure_forces] = [(); 4].map(|()| zeros());
         assembler.internal_forces(&displacements, &responses.pk1, &mut forces);
         assembler.linearized_forces(&displacements, &responses, &increments, &mut linearized);
-        let volume = assembler.geometry().add_volume_gradient(&inside, &displacements, &mut volume_gradient);
+        let volume = assembler.geometry().add_volume_gradient((&inside, None), &displacements, &mut volume_gradient);
         let geometry = assembler.geometry();
         geometry.add_linearized_pressure_forces(&pressures, &displacements, &increments, &mut pressure_forces);
         assembler.stiffness(&displacements, &motions, &responses, &mut matrix).unwrap();
