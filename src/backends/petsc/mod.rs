@@ -39,6 +39,7 @@ mod context;
 mod direct;
 mod error;
 mod ffi;
+mod ghosts;
 mod handle;
 mod iterative;
 mod ksp;
@@ -47,9 +48,12 @@ mod matrix;
 mod near_null_space;
 mod ops;
 mod products;
+mod reduce;
+mod rows;
 mod session;
 mod solve;
 mod vector;
+mod vector_ops;
 
 use std::sync::Arc;
 
@@ -60,7 +64,7 @@ pub use session::{Session, SessionError};
 pub use solve::{Solver, Symbolic};
 pub use vector::Vector;
 
-use crate::las::{Backend, SolveError, SolverParams, Sparsity};
+use crate::las::{Backend, RankRows, SolveError, SolverParams, Sparsity};
 
 type SolverError = SolveError<PetscError>;
 
@@ -82,6 +86,26 @@ impl Backend for Petsc {
     type Matrix = Matrix;
     type Symbolic = Symbolic;
     type Solver = Solver;
+
+    /// Always returns a context, with [`Distribution::Parts`]. An error on any rank is an error on all.
+    fn with_rows(context: &Context, rows: RankRows) -> Result<Option<Context>, PetscError> {
+        context.with_rows(rows).map(Some)
+    }
+
+    fn sum(context: &Context, values: &mut [f64]) -> Result<(), PetscError> {
+        if let Some(parts) = context.parts() {
+            parts.sum(values);
+        }
+        Ok(())
+    }
+
+    /// The maximum is NaN if a value is.
+    fn max(context: &Context, values: &mut [f64]) -> Result<(), PetscError> {
+        if let Some(parts) = context.parts() {
+            parts.max(values);
+        }
+        Ok(())
+    }
 
     fn vector(context: &Context, len: usize) -> Result<Vector, PetscError> {
         Vector::zeros(context, len)
