@@ -53,6 +53,7 @@ impl Scales {
 
     /// Returns the same scales for the rows from `first` of a system of `total` unknowns, of which each rank holds a
     /// part.
+    #[cfg(feature = "petsc")]
     pub(super) fn of_part(self, first: usize, total: usize) -> Self {
         Self { first, total, ..self }
     }

@@ -61,10 +61,6 @@ impl ByIterations {
         let (pc, mut reason) = (self.ksp.pc(), 0);
         // SAFETY: a live object.
         call(|| unsafe { ffi::PCGetFailedReason(pc, &raw mut reason) })?;
-        // With parts, a failure on one rank is one on all.
-        let mut reasons = [f64::from(reason)];
-        Petsc::max(&a.context, &mut reasons)?;
-        let reason = reasons[0] as i32;
         if reason == 0 {
             return Ok(());
         }

@@ -1,11 +1,31 @@
 //! `petsc`: vectors, matrices and solvers of PETSc, on one rank or many.
 //!
 //! # Distribution of data
-//! All ranks of a communicator run the same program on the same data ([`Distribution::Copies`]). Every rank stores
-//! whole vectors: reading them, norms and dot products need no communication and are bitwise identical on all ranks.
-//! Every rank writes all entries of a matrix but stores only the rows that it owns. Reading a matrix, multiplying and
-//! solving are collective and give every rank the whole result. Code that is generic over the backend therefore runs
-//! unchanged on any number of ranks: every rank repeats the assembly, and the ranks share factorizations and products.
+//! **Copies** ([`Distribution::Copies`], the default): all ranks of a communicator run the same program on the same
+//! data. Every rank stores whole vectors: reading them, norms and dot products need no communication and are bitwise
+//! identical on all ranks. Every rank writes all entries of a matrix but stores only the rows that it owns. Reading a
+//! matrix, multiplying and solving are collective and give every rank the whole result. Code that is generic over the
+//! backend therefore runs unchanged on any number of ranks: every rank repeats the assembly, and the ranks share
+//! factorizations and products.
+//!
+//! **Parts** ([`Distribution::Parts`], by [`Backend::with_rows`]): every rank holds a part of the system, and no rank
+//! needs memory for all of it. Indices are the local numbers of [`RankRows`]: a rank owns a range of rows, and reads
+//! copies of the entries of vectors in its ghost rows.
+//!
+//! | operation | copies | parts |
+//! |---|---|---|
+//! | pattern and vector | `n` by `n`, `n` entries | own rows by local numbers, own entries |
+//! | writing to other rows than the own | stored in vectors, dropped by matrices | dropped |
+//! | reading a matrix | collective, all rows | own rows, zeros elsewhere |
+//! | `finish` of a vector | nothing | collective: updates the ghosts |
+//! | norm, dot product, [`Backend::sum`], [`Backend::max`] | no communication | collective, the same bits on all ranks |
+//! | product, diagonal, solve | collective, whole vectors | collective, own entries and ghosts |
+//! | [`Entries`](crate::las::Entries), [`MatMat`](crate::las::MatMat) | yes | an error, except `scale` |
+//! | storage of matrices | [`MatrixType`] | AIJ |
+//!
+//! Products and solvers of parts work on the vectors themselves, without copying. Where an operation could fail on one
+//! rank alone (creating a context, a matrix or a solver, factoring), the ranks exchange the outcome, and it fails on
+//! all. Vectors that do not fit a product or a solver are the exception: that error must be made by all ranks.
 //!
 //! # Sessions
 //! [`Session`] initializes MPI and PETSc and finalizes them after the last object is dropped; [`Context`] adds a
@@ -42,6 +62,7 @@ mod ffi;
 mod ghosts;
 mod handle;
 mod iterative;
+mod judgments;
 mod ksp;
 mod layout;
 mod matrix;

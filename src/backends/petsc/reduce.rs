@@ -11,7 +11,7 @@ use super::rows::Parts;
 use crate::las::Sparsity;
 
 impl Parts {
-    /// Replaces each value by its sum over the ranks.
+    /// Replaces each value by its sum over the ranks. All ranks pass the same number of values.
     pub(super) fn sum(&self, values: &mut [f64]) {
         self.reduce(values, |sum, value| sum + value);
     }
@@ -22,16 +22,12 @@ impl Parts {
     }
 
     fn reduce(&self, values: &mut [f64], combine: impl Fn(f64, f64) -> f64) {
-        let all = self.comm().all_gather(values);
+        let (all, count) = (self.comm().all_gather(values), values.len());
         for (k, value) in values.iter_mut().enumerate() {
-            let of_ranks = all[k..].iter().step_by(values_per_rank(&all, self.comm().ranks())).copied();
+            let of_ranks = all[k..].iter().step_by(count).copied();
             *value = of_ranks.reduce(&combine).unwrap_or(*value);
         }
     }
-}
-
-fn values_per_rank(all: &[f64], ranks: usize) -> usize {
-    (all.len() / ranks).max(1)
 }
 
 impl Context {

@@ -10,7 +10,6 @@ use crate::backends::checks::{
     check_analyzable, check_columns, check_pattern, check_size, definite, parameters, singular_limit,
 };
 use crate::backends::local;
-use crate::backends::null_vector::{Scales, check_null_vector, null_vector_limit};
 use crate::las::{
     Backend, FactorReport, Factorization, Iterative, MatVec, Method, Preconditioner, SolveError, SolveReport,
     SolverParams, Sparsity, Symmetry, VectorOps,
@@ -20,11 +19,11 @@ use crate::las::{
 /// factorizations and are made with the first one of every solver.
 #[derive(Debug)]
 pub struct Symbolic {
-    context: Context,
+    pub(super) context: Context,
     pattern: Arc<Sparsity>,
-    params: SolverParams,
+    pub(super) params: SolverParams,
     /// The numbers of unknowns and of entries of all ranks.
-    unknowns: usize,
+    pub(super) unknowns: usize,
     entries: f64,
 }
 
@@ -51,17 +50,18 @@ impl Symbolic {
 ///
 /// No package reports which unknown has a pivot that is not positive: reports and errors name the unknown with the
 /// smallest diagonal entry. For a singular matrix, they name the unknown with the largest component in the null space.
+/// Unknowns and rows in reports and errors are numbered over all ranks, and all ranks get the same report.
 #[derive(Debug)]
 pub struct Solver {
-    symbolic: Arc<Symbolic>,
-    limit: f64,
+    pub(super) symbolic: Arc<Symbolic>,
+    pub(super) limit: f64,
     /// A copy of the matrix, because its owner may change it.
-    a: Matrix,
+    pub(super) a: Matrix,
     /// The factors by Cholesky, LDL^T and LU (see [`index`]).
-    factors: [Option<Factor>; 3],
+    pub(super) factors: [Option<Factor>; 3],
     iterative: Option<ByIterations>,
     active: Option<Factorization>,
-    diagonal: Vector,
+    pub(super) diagonal: Vector,
 }
 
 impl Solver {
@@ -100,21 +100,6 @@ impl Solver {
             return Err(SolveError::Singular { unknown: 0, ratio: 0.0, limit: self.limit });
         }
         Ok(self.a.copy_values(a)?)
-    }
-
-    /// Returns the first row of this rank with a value that is not finite, numbered over all ranks.
-    fn first_not_finite(&self, a: &Matrix) -> usize {
-        let is_bad = |&row: &usize| {
-            let own = a.layout.row(row as i32);
-            own.is_some_and(|own| (0..own.columns.len()).any(|k| !a.values.get(own.at(k)).is_finite()))
-        };
-        a.layout.rows.clone().find(is_bad).map_or(usize::MAX, |row| a.context.first_row() + row)
-    }
-
-    /// Returns the unknown with the smallest diagonal entry, and that entry; 0 and infinity if there are no unknowns.
-    fn smallest_diagonal(&mut self) -> Result<(usize, f64), SolverError> {
-        self.a.diagonal(&mut self.diagonal)?;
-        Ok(self.symbolic.context.smallest(self.diagonal.as_slice()).unwrap_or((0, f64::INFINITY)))
     }
 
     /// Factors the copied matrix, with more memory if the package requests it.
@@ -158,40 +143,6 @@ impl Solver {
         self.check_near_singular(kind, found.ratio).inspect_err(|_| self.active = None)?;
         let negative_pivots = found.negative;
         Ok(FactorReport { kind, indefinite_at, pivot_ratio: found.ratio, negative_pivots })
-    }
-
-    /// Searches for a null vector if a pivot is small or the package does not report pivots, unless the caller set a
-    /// limit for pivots. If a diagonal entry is not positive, the judgment of the package stands.
-    fn check_near_singular(&mut self, kind: Factorization, ratio: f64) -> Result<(), SolverError> {
-        let n = self.symbolic.unknowns;
-        let reported = if ratio < 1.0 { ratio } else { 0.0 };
-        let Some(limit) = null_vector_limit::<f64>(&self.symbolic.params, n, reported) else { return Ok(()) };
-        if kind == Factorization::Approximate {
-            return Ok(());
-        }
-        self.a.diagonal(&mut self.diagonal)?;
-        let Self { symbolic, a, factors, diagonal, .. } = self;
-        let factor = factors.iter().flatten().find(|factor| factor.kind == kind);
-        let is_positive = symbolic.context.holds_for_all(diagonal.as_slice().iter().all(|&entry| entry > 0.0));
-        let Some(factor) = factor.filter(|_| is_positive) else { return Ok(()) };
-        let scales = Scales::of_diagonal(diagonal.as_slice().iter().copied());
-        let scales = scales.of_part(symbolic.context.first_row(), n);
-        let solve = |b: &Vector, x: &mut Vector| solve_one(factor, a, b, x).map(drop);
-        match check_null_vector::<Petsc>(&symbolic.context, a, kind, &scales, limit, solve)? {
-            Some(unknown) => Err(SolveError::Singular { unknown, ratio, limit: f64::EPSILON }),
-            None => Ok(()),
-        }
-    }
-
-    fn singular(&mut self, kind: Factorization, found: &Outcome) -> SolverError {
-        let Self { a, factors, diagonal, limit, .. } = self;
-        let limit = *limit;
-        let unknown = match factors[index(kind)].take().map(|factor| factor.null_space_unknown(a, found, diagonal)) {
-            Some(Err(error)) => return SolveError::Backend(error),
-            Some(Ok(Some(unknown))) => unknown,
-            _ => 0,
-        };
-        SolveError::Singular { unknown, ratio: if found.ratio < limit { found.ratio } else { 0.0 }, limit }
     }
 
     /// Factors by Cholesky; returns `None` if the matrix is not positive definite.
@@ -244,7 +195,8 @@ impl Solver {
             self.a.inverse_diagonal(&mut self.diagonal)?;
         }
         if let Some(iterative) = self.iterative.as_ref().filter(|_| self.symbolic.unknowns > 0) {
-            iterative.set_up(&self.a)?;
+            // The next step must be the same on all ranks.
+            self.symbolic.context.agree(iterative.set_up(&self.a))?;
         }
         let kind = Factorization::Approximate;
         self.active = Some(kind);
@@ -253,7 +205,7 @@ impl Solver {
 }
 
 /// Returns the index of the factor of this kind in [`Solver::factors`].
-fn index(kind: Factorization) -> usize {
+pub(super) fn index(kind: Factorization) -> usize {
     match kind {
         Factorization::Cholesky => 0,
         Factorization::Ldlt => 1,
@@ -261,7 +213,7 @@ fn index(kind: Factorization) -> usize {
     }
 }
 
-fn solve_one(factor: &Factor, a: &Matrix, b: &Vector, x: &mut Vector) -> Result<SolveReport, SolverError> {
+pub(super) fn solve_one(factor: &Factor, a: &Matrix, b: &Vector, x: &mut Vector) -> Result<SolveReport, SolverError> {
     let ended = factor.solve(a, b, x)?;
     if ended.reason < 0 {
         return Err(SolveError::Library { library: "PETSc", reason: format!("KSPConvergedReason {}", ended.reason) });
@@ -274,13 +226,10 @@ impl crate::las::Solver<Petsc> for Solver {
     fn factor(&mut self, a: &Matrix) -> Result<FactorReport, SolverError> {
         self.copy_matrix(a)?;
         match self.symbolic.params.method {
-            Method::Iterative(method) => {
-                let outcome = self.prepare_iterations(method.preconditioner);
-                match self.symbolic.context.agree(outcome) {
-                    Err(_) if self.symbolic.params.fallback => self.factor_taken(),
-                    outcome => outcome,
-                }
-            }
+            Method::Iterative(method) => match self.prepare_iterations(method.preconditioner) {
+                Err(_) if self.symbolic.params.fallback => self.factor_taken(),
+                outcome => outcome,
+            },
             Method::Direct => self.factor_taken(),
         }
     }
