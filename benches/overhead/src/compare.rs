@@ -38,11 +38,18 @@ pub struct Exception {
 }
 
 /// All exceptions.
-pub const EXCEPTIONS: &[Exception] = &[Exception {
-    backend: "petsc",
-    verbs: &["matrix_finish"],
-    reason: "a function called once per assembly, which waits for calls of other threads and obtains the arrays",
-}];
+pub const EXCEPTIONS: &[Exception] = &[
+    Exception {
+        backend: "petsc",
+        verbs: &["matrix_finish"],
+        reason: "a function called once per assembly, which waits for calls of other threads and obtains the arrays",
+    },
+    Exception {
+        backend: "petsc",
+        verbs: &["vector_finish"],
+        reason: "a test, once per assembly, whether each rank holds a part of the vector and must update its ghosts",
+    },
+];
 
 /// Counts the instructions of all verbs.
 ///
