@@ -190,7 +190,7 @@ impl Diagonal {
 /// Errors name global rows, on all ranks alike.
 pub fn named_rows(context: &Context) {
     on_communicators(context, |context| {
-        for division in Division::ALL {
+        for division in [Division::Uneven, Division::EmptyRank] {
             let system = Diagonal::new(context, 42, division);
             let direct = SolverParams::default();
             let cg = direct.iterative(Iterative::new(Krylov::Cg));
@@ -212,6 +212,8 @@ pub fn named_rows(context: &Context) {
                 let mut indefinite = solver(&system.parts, &system.pattern, &direct);
                 let report = indefinite.factor(&system.matrix(special, -1.0)).unwrap();
                 assert_eq!((report.indefinite_at, report.negative_pivots), (Some(special), Some(1)), "{division:?}");
+                // All ranks know that a diagonal entry is negative, so that none searches for a null vector.
+                system.factor(&SolverParams::new(Symmetry::Symmetric), special, -1e-12, false).unwrap();
                 // Without a preconditioner, the direct method takes over. It finds the zero pivot.
                 let mut replaced = cg;
                 replaced.fallback = true;

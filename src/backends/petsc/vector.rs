@@ -102,7 +102,7 @@ impl Vector {
     /// # Safety
     /// The vector holds that many.
     #[inline(always)]
-    unsafe fn first(&self, len: usize) -> &[f64] {
+    pub(super) unsafe fn first(&self, len: usize) -> &[f64] {
         if len == 0 {
             return &[];
         }

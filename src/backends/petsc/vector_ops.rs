@@ -53,7 +53,9 @@ impl VectorOps<Petsc> for Vector {
         if self.whole as u64 != y.extent {
             return self.dot_together(y);
         }
-        Ok(local::dot(self.whole(), y.as_slice()))
+        // SAFETY: `whole` is not the extent of a part, and thus the number of entries of `y`. The compiler knows by
+        // this that both slices have one length.
+        Ok(local::dot(self.whole(), unsafe { y.first(self.whole) }))
     }
 
     #[inline(always)]
@@ -61,7 +63,8 @@ impl VectorOps<Petsc> for Vector {
         if x.extent != self.extent {
             return self.axpy_together(a, x);
         }
-        local::axpy(a, x.held(), self.held_mut());
+        // SAFETY: vectors of one extent hold the same number of entries.
+        local::axpy(a, unsafe { x.first(self.held) }, self.held_mut());
         Ok(())
     }
 
