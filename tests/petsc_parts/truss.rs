@@ -14,9 +14,11 @@ pub type Vector = <Petsc as Backend>::Vector;
 pub struct Truss {
     /// The points with unknowns.
     points: Vec<[f64; 3]>,
-    /// Two ends (`None`: supported) and the products `k n n^T` of stiffness and direction.
-    bars: Vec<([Option<usize>; 2], [[f64; 3]; 3])>,
+    bars: Vec<Bar>,
 }
+
+/// Two ends (`None`: supported) and the product `k n n^T` of stiffness and direction.
+type Bar = ([Option<usize>; 2], [[f64; 3]; 3]);
 
 impl Truss {
     /// Returns a truss of `size` points along each axis; with supports, those at one end are fixed.

@@ -152,7 +152,6 @@ fn unsupported(what: &'static str) -> SolverError {
 
 /// With [`Distribution::Parts`](super::Distribution::Parts), sums, products and transposes are
 /// [`SolveError::Unsupported`].
-
 impl MatMat<Petsc> for Matrix {
     fn scale(&mut self, factor: f64) -> Result<(), PetscError> {
         let raw = self.raw();
