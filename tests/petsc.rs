@@ -6,6 +6,7 @@
 
 #[allow(dead_code, reason = "tests of other backends use the recorded numbers")]
 mod bar_of_24;
+mod petsc_parts;
 mod support;
 
 use std::ffi::{c_int, c_void};
@@ -56,6 +57,18 @@ const CHECKS: &[Check] = &[
     ("frozen_rve", frozen_rve),
     ("stretched_body", stretched_body),
     ("constrained_body", constrained_body),
+    ("parts_vectors", petsc_parts::vectors),
+    ("parts_sums", petsc_parts::sums),
+    ("parts_matrices", petsc_parts::matrices),
+    ("parts_errors", petsc_parts::errors),
+    ("parts_direct", petsc_parts::direct),
+    ("parts_iterative", petsc_parts::iterative),
+    ("parts_and_copies_by_multigrid", petsc_parts::multigrid_of_copies),
+    ("parts_singular", petsc_parts::singular),
+    ("parts_named_rows", petsc_parts::named_rows),
+    ("parts_not_converged", petsc_parts::not_converged),
+    ("parts_and_copies_fallback", petsc_parts::fallback),
+    ("parts_of_nothing", petsc_parts::solve_nothing),
     #[cfg(all(feature = "sparse", feature = "generate"))]
     ("generated_network", generated_network),
 ];

@@ -41,6 +41,11 @@ pub(super) fn check_analyzable<F>(pattern: &Sparsity, params: &SolverParams) -> 
     if rows != cols {
         return Err(SolveError::NotSquare { rows, cols });
     }
+    parameters(params)
+}
+
+/// Returns an error if a parameter is out of range.
+pub(super) fn parameters<F>(params: &SolverParams) -> Result<(), SolveError<F>> {
     params.check().map_err(SolveError::Parameter)
 }
 

@@ -23,11 +23,17 @@ pub(super) fn zero<T: Value>(y: &mut [T]) {
 /// Adds: `y[rows[i]] += values[i]`.
 #[inline(always)]
 pub(super) fn add<T: Value>(y: &mut [T], rows: &[i32], values: &[T]) {
+    add_below(y.len(), y, rows, values);
+}
+
+/// Does the same as [`add`], but also drops writes to the rows from the end of `y` to `held`.
+#[inline(always)]
+pub(super) fn add_below<T: Value>(held: usize, y: &mut [T], rows: &[i32], values: &[T]) {
     debug_assert_eq!(rows.len(), values.len(), "one value per row");
     for (&row, &value) in rows.iter().zip(values) {
         match y.get_mut(row as usize) {
             Some(entry) => *entry += value,
-            None => debug_assert!(row < 0, "row {row} of a vector of {}", y.len()),
+            None => debug_assert!(row < 0 || (row as usize) < held, "row {row} of a vector of {held}"),
         }
     }
 }
@@ -35,11 +41,17 @@ pub(super) fn add<T: Value>(y: &mut [T], rows: &[i32], values: &[T]) {
 /// Sets `y[rows[i]] = values[i]`.
 #[inline(always)]
 pub(super) fn set<T: Value>(y: &mut [T], rows: &[i32], values: &[T]) {
+    set_below(y.len(), y, rows, values);
+}
+
+/// Does the same as [`set`], but also drops writes to the rows from the end of `y` to `held`.
+#[inline(always)]
+pub(super) fn set_below<T: Value>(held: usize, y: &mut [T], rows: &[i32], values: &[T]) {
     debug_assert_eq!(rows.len(), values.len(), "one value per row");
     for (&row, &value) in rows.iter().zip(values) {
         match y.get_mut(row as usize) {
             Some(entry) => *entry = value,
-            None => debug_assert!(row < 0, "row {row} of a vector of {}", y.len()),
+            None => debug_assert!(row < 0 || (row as usize) < held, "row {row} of a vector of {held}"),
         }
     }
 }

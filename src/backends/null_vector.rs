@@ -38,6 +38,9 @@ pub(super) fn null_vector_limit<T: Scalar>(params: &SolverParams, n: usize, rati
 pub(super) struct Scales {
     rows: Vec<f64>,
     columns: Vec<f64>,
+    /// The number of unknowns before those of this rank, and that of all ranks.
+    first: usize,
+    total: usize,
 }
 
 impl Scales {
@@ -45,7 +48,14 @@ impl Scales {
     /// definite matrix (van der Sluis 1969).
     pub(super) fn of_diagonal(diagonal: impl Iterator<Item = f64>) -> Self {
         let rows: Vec<f64> = diagonal.map(|entry| power_of_two(if entry > 0.0 { entry.sqrt() } else { 1.0 })).collect();
-        Self { columns: rows.clone(), rows }
+        Self { columns: rows.clone(), first: 0, total: rows.len(), rows }
+    }
+
+    /// Returns the same scales for the rows from `first` of a system of `total` unknowns, of which each rank holds a
+    /// part.
+    #[cfg(feature = "petsc")]
+    pub(super) fn of_part(self, first: usize, total: usize) -> Self {
+        Self { first, total, ..self }
     }
 
     /// Returns the scales of a matrix with `n` rows, all on this rank, for factors of this kind: by its diagonal for
@@ -66,7 +76,7 @@ impl Scales {
     fn equilibrating<B: InMemory>(a: &B::Matrix, n: usize) -> Result<Self, B::Error> {
         /// Each pass halves the number of digits by which the scales are off, which is at most 308.
         const PASSES: usize = 12;
-        let mut scales = Self { rows: vec![1.0; n], columns: vec![1.0; n] };
+        let mut scales = Self { rows: vec![1.0; n], columns: vec![1.0; n], first: 0, total: n };
         for _ in 0..PASSES {
             let (mut of_rows, mut of_columns) = (vec![0.0_f64; n], vec![0.0_f64; n]);
             a.for_each(|row, column, value| {
@@ -112,38 +122,37 @@ pub(super) fn check_null_vector<B: Backend<Scalar: Scalar>>(
     /// The component of a random vector along another vector is at least this fraction of its length, divided by the
     /// square root of the number of unknowns, in all but one of ten thousand cases.
     const ALONG: f64 = 1e-4;
-    let n = scales.rows.len();
-    let norm = |w: &[f64]| w.iter().map(|w| w * w).sum::<f64>().sqrt();
+    let ranks = Ranks::<B> { context, first: scales.first };
     let read = |x: &B::Vector| x.with_local(|x| x.iter().map(|x| x.as_f64()).collect::<Vec<f64>>());
-    let (mut right, mut x) = (B::vector(context, n)?, B::vector(context, n)?);
-    let mut w = random(n);
+    let (mut right, mut x) = (B::vector(context, scales.rows.len())?, B::vector(context, scales.rows.len())?);
+    let mut w = random(scales.first, scales.rows.len());
     for iteration in 0..ITERATIONS {
-        let length = norm(&w);
+        let length = ranks.norm(&w)?;
         let given: Vec<f64> = w.iter().map(|w| w / length).collect();
         write::<B>(&mut right, given.iter().zip(&scales.rows).map(|(w, r)| w * r))?;
         solve(&right, &mut x)?;
         w = read(&x)?.iter().zip(&scales.columns).map(|(x, c)| x * c).collect();
-        let length = norm(&w);
+        let length = ranks.norm(&w)?;
         if !length.is_finite() {
-            let unknown = w.iter().position(|w| !w.is_finite()).unwrap_or(0);
+            let unknown = ranks.first_not_finite(&w)?;
             return Err(SolveError::Singular { unknown, ratio: 0.0, limit });
         }
         write::<B>(&mut x, w.iter().zip(&scales.columns).map(|(w, c)| w / (c * length)))?;
         a.mul(&x, &mut right)?;
         let product: Vec<f64> = read(&right)?.iter().zip(&scales.rows).map(|(y, r)| y / r).collect();
         let resistance = if kind == Factorization::Cholesky {
-            product.iter().zip(&w).map(|(y, w)| y * w / length).sum::<f64>().abs()
+            ranks.sum(product.iter().zip(&w).map(|(y, w)| y * w / length).sum())?.abs()
         } else {
-            norm(&product)
+            ranks.norm(&product)?
         };
         if resistance < limit {
-            return Err(SolveError::Singular { unknown: position_of_largest(&w), ratio: resistance, limit });
+            return Err(SolveError::Singular { unknown: ranks.position_of_largest(&w)?, ratio: resistance, limit });
         }
         let errors: Vec<f64> = product.iter().zip(&given).map(|(y, b)| y - b / length).collect();
-        if norm(&errors) > B::Scalar::epsilon().as_f64().sqrt() {
-            return Ok(Some(position_of_largest(&errors)));
+        if ranks.norm(&errors)? > B::Scalar::epsilon().as_f64().sqrt() {
+            return Ok(Some(ranks.position_of_largest(&errors)?));
         }
-        if iteration == 0 && length * limit < ALONG / (n as f64).sqrt() {
+        if iteration == 0 && length * limit < ALONG / (scales.total as f64).sqrt() {
             return Ok(None);
         }
     }
@@ -188,12 +197,51 @@ fn write<B: Backend<Scalar: Scalar>>(x: &mut B::Vector, values: impl Iterator<It
     Ok(x.with_local_mut(fill)?)
 }
 
-fn position_of_largest(w: &[f64]) -> usize {
-    w.iter().enumerate().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs())).map_or(0, |(position, _)| position)
+/// The ranks that hold parts of a vector; a single one for a backend that does not distribute vectors.
+struct Ranks<'a, B: Backend> {
+    context: &'a B::Context,
+    /// The number of unknowns before those of this rank.
+    first: usize,
 }
 
-/// Returns numbers between -1 and 1 in a fixed sequence.
-fn random(count: usize) -> Vec<f64> {
-    let mut state = 0x5eed_u64;
+impl<B: Backend> Ranks<'_, B> {
+    fn sum(&self, value: f64) -> Result<f64, B::Error> {
+        let mut values = [value];
+        B::sum(self.context, &mut values)?;
+        Ok(values[0])
+    }
+
+    fn max(&self, value: f64) -> Result<f64, B::Error> {
+        let mut values = [value];
+        B::max(self.context, &mut values)?;
+        Ok(values[0])
+    }
+
+    fn norm(&self, w: &[f64]) -> Result<f64, B::Error> {
+        Ok(self.sum(w.iter().map(|w| w * w).sum())?.sqrt())
+    }
+
+    /// Returns the first unknown whose value is not finite; 0 if there is none. Numbers of unknowns are exact in double
+    /// precision.
+    fn first_not_finite(&self, w: &[f64]) -> Result<usize, B::Error> {
+        let position = w.iter().position(|w| !w.is_finite());
+        let first = -self.max(position.map_or(f64::NEG_INFINITY, |position| -((self.first + position) as f64)))?;
+        Ok(if first.is_finite() { first as usize } else { 0 })
+    }
+
+    /// Returns the last of the unknowns with the largest magnitude.
+    fn position_of_largest(&self, w: &[f64]) -> Result<usize, B::Error> {
+        let found = w.iter().map(|w| w.abs()).enumerate().max_by(|a, b| a.1.total_cmp(&b.1));
+        let largest = self.max(found.map_or(0.0, |(_, value)| value))?;
+        let candidate =
+            found.filter(|&(_, value)| value >= largest).map_or(-1.0, |(position, _)| (self.first + position) as f64);
+        Ok(self.max(candidate)?.max(0.0) as usize)
+    }
+}
+
+/// Returns numbers between -1 and 1, from position `first` of a fixed sequence.
+fn random(first: usize, count: usize) -> Vec<f64> {
+    // Each number adds this constant to the state.
+    let mut state = 0x5eed_u64.wrapping_add(0x9e37_79b9_7f4a_7c15_u64.wrapping_mul(first as u64));
     (0..count).map(|_| crate::las::splitmix64(&mut state) as i64 as f64 / i64::MAX as f64).collect()
 }

@@ -13,6 +13,8 @@ use super::{Backend, BlockSlots};
 /// * An **index past the end**, and arguments whose lengths do not match, are programming errors: a `debug_assert!`
 ///   fails in debug builds, and release builds drop the value. `petsc` returns an error for a block whose size does not
 ///   match its indices, and for vectors of different lengths.
+/// * If each rank holds a part of the system ([`RankRows`](super::RankRows)), writes to ghost rows are dropped, and
+///   norms, dot products and `finish` are collective.
 /// * Call [`VectorOps::finish`] or [`MatrixOps::finish`] between writing and reading, and between `add` and `set`:
 ///   there `petsc` informs PETSc that the entries of a matrix changed, and a distributed backend may exchange values
 ///   between ranks. A serial backend does nothing. [`VectorOps::with_local_mut`] both reads and writes.
@@ -74,7 +76,8 @@ pub trait VectorOps<B: Backend>: Sized {
 /// * A **write outside the pattern** is a programming error: in debug builds a `debug_assert!` fails (`add` and `set`
 ///   of `petsc` return an error), and release builds drop the value (except `dense`, which stores every entry). A
 ///   **read outside the pattern** returns zero.
-/// * `get` and `finish` are collective on a distributed backend: all ranks call them.
+/// * `get` and `finish` are collective on a distributed backend: all ranks call them. If each rank holds a part of the
+///   system ([`RankRows`](super::RankRows)), `get` reads the own rows, without communication.
 ///
 /// # Errors
 /// As in [`VectorOps`].

@@ -38,11 +38,18 @@ pub struct Exception {
 }
 
 /// All exceptions.
-pub const EXCEPTIONS: &[Exception] = &[Exception {
-    backend: "petsc",
-    verbs: &["matrix_finish"],
-    reason: "a function called once per assembly, which waits for calls of other threads and obtains the arrays",
-}];
+pub const EXCEPTIONS: &[Exception] = &[
+    Exception {
+        backend: "petsc",
+        verbs: &["matrix_finish"],
+        reason: "a function called once per assembly, which waits for calls of other threads and obtains the arrays",
+    },
+    Exception {
+        backend: "petsc",
+        verbs: &["vector_finish"],
+        reason: "a test, once per assembly, whether each rank holds a part of the vector and must update its ghosts",
+    },
+];
 
 /// Counts the instructions of all verbs.
 ///
@@ -71,8 +78,17 @@ fn row(image: &Image, place: &Place, all: &[*const ()]) -> Result<Row, Box<dyn E
 }
 
 /// Functions for rare cases and for long vectors, which are deliberately not inlined.
-const RARE: [&str; 7] =
-    ["scaled_norm", "sum_scaled", "dot_by_petsc", "axpy_by_petsc", "long_norm", "long_dot", "long_axpy"];
+const RARE: [&str; 9] = [
+    "scaled_norm",
+    "sum_scaled",
+    "norm_together",
+    "dot_together",
+    "axpy_together",
+    "update_ghosts",
+    "long_norm",
+    "long_dot",
+    "long_axpy",
+];
 
 impl Row {
     /// Returns the exception that allows more instructions, if there is one.

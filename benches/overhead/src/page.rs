@@ -81,7 +81,7 @@ pub fn page(rows: &[Row], calls: &[Executed], loops: &[Loop]) -> String {
          Of {compared} verbs, {free} have no more instructions or calls through LAS than by hand; {same} are \
          identical, instruction for instruction. {called} are calls of PETSc by hand, whose instructions are not in \
          the program; for those marked *below*, the executed instructions are compared.\n\n\
-         The exception:\n\n\
+         The exceptions:\n\n\
          {exceptions}\n\
          {CALLS}{}\n\
          {fewer} of {called} execute no more instructions through LAS.\n\n\

@@ -5,7 +5,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use mpi::collective::SystemOperation;
-use mpi::datatype::PartitionMut;
+use mpi::datatype::{Equivalence, PartitionMut};
 use mpi::environment::is_finalized;
 use mpi::ffi::MPI_Comm;
 use mpi::raw::AsRaw;
@@ -14,7 +14,9 @@ use mpi::traits::CommunicatorCollectives;
 
 use super::error::{PetscError, c_string};
 use super::ffi;
+use super::rows::Parts;
 use super::session::{Session, SessionError, call, lock};
+use crate::las::RankRows;
 
 /// The data that each rank of a communicator stores and contributes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -24,6 +26,9 @@ pub enum Distribution {
     /// the rows of a matrix that it owns.
     #[default]
     Copies,
+    /// Every rank writes all contributions to its own rows, and stores these rows of matrices and vectors, and copies of
+    /// the entries of vectors in its ghost rows ([`RankRows`]).
+    Parts,
 }
 
 /// The storage format of matrices in PETSc.
@@ -41,18 +46,21 @@ pub enum MatrixType {
 /// A session and a communicator, with the distribution, block size, matrix type and options prefix of the objects made
 /// in them.
 ///
-/// A context is cheap to clone. Creating a context, reading or multiplying matrices, and solving are collective.
+/// A context is cheap to clone. Creating a context, reading or multiplying matrices, and solving are collective. With
+/// [`Distribution::Parts`], so are creating and finishing vectors and matrices, norms and dot products, but not reading
+/// matrices.
 #[derive(Clone, Debug)]
 pub struct Context {
     comm: Arc<OwnedComm>,
     prefix: Arc<str>,
     block: usize,
     kind: MatrixType,
-    distribution: Distribution,
+    /// `None` for copies.
+    parts: Option<Arc<Parts>>,
 }
 
 /// A duplicated communicator.
-struct OwnedComm {
+pub(super) struct OwnedComm {
     /// `None` only during `drop`.
     mpi: Option<SimpleCommunicator>,
     raw: MPI_Comm,
@@ -84,13 +92,17 @@ impl Context {
         let (raw, rank, ranks) = (comm.as_raw(), comm.rank() as usize, comm.size() as usize);
         drop(alone);
         let comm = OwnedComm { mpi: Some(comm), raw, rank, ranks, session: session.clone() };
-        Self {
-            comm: Arc::new(comm),
-            prefix: "".into(),
-            block: 3,
-            kind: MatrixType::Aij,
-            distribution: Distribution::Copies,
-        }
+        Self { comm: Arc::new(comm), prefix: "".into(), block: 3, kind: MatrixType::Aij, parts: None }
+    }
+
+    /// Returns the same context for a system of which this rank holds these rows; collective.
+    ///
+    /// # Errors
+    /// Returns [`PetscError`] on all ranks if the own rows of the ranks do not follow one another from 0 to the total,
+    /// or if the ghost rows of a rank do not ascend, are out of range or are its own.
+    pub(super) fn with_rows(&self, rows: RankRows) -> Result<Self, PetscError> {
+        let parts = Arc::new(Parts::new(&self.comm, rows)?);
+        Ok(Self { parts: Some(parts), ..self.clone() })
     }
 
     /// Sets the prefix of the names of all options: after `with_prefix("body_")`, solvers read `-body_ksp_type` instead
@@ -109,7 +121,7 @@ impl Context {
         self
     }
 
-    /// Sets the storage format of matrices.
+    /// Sets the storage format of matrices. With [`Distribution::Parts`], all matrices are `aij`.
     #[must_use]
     pub fn with_matrix_type(mut self, kind: MatrixType) -> Self {
         self.kind = kind;
@@ -154,7 +166,12 @@ impl Context {
 
     /// Returns the distribution of data over the ranks.
     pub fn distribution(&self) -> Distribution {
-        self.distribution
+        if self.parts.is_some() { Distribution::Parts } else { Distribution::Copies }
+    }
+
+    /// Returns the rows of this rank; `None` for [`Distribution::Copies`].
+    pub fn rows(&self) -> Option<&Arc<RankRows>> {
+        self.parts.as_deref().map(Parts::rows)
     }
 
     /// Returns the session.
@@ -176,9 +193,19 @@ impl Context {
         self.comm.raw
     }
 
+    pub(super) fn parts(&self) -> Option<&Arc<Parts>> {
+        self.parts.as_ref()
+    }
+
     /// Returns true if the communicator has a single rank.
     pub(super) fn is_single_rank(&self) -> bool {
         self.comm.ranks == 1
+    }
+
+    /// Returns true if products and solvers work on the vectors of this crate themselves. Otherwise every rank has
+    /// copies, and they work on parts of these.
+    pub(super) fn shares_vectors(&self) -> bool {
+        self.is_single_rank() || self.parts.is_some()
     }
 
     /// Returns the range of rows, out of `len`, that this rank owns.
@@ -223,6 +250,30 @@ impl Context {
         let _alone = lock();
         comm.all_reduce_into(&(value as u64), &mut least, SystemOperation::min());
         least as usize
+    }
+}
+
+impl OwnedComm {
+    pub(super) fn ranks(&self) -> usize {
+        self.ranks
+    }
+
+    pub(super) fn raw(&self) -> MPI_Comm {
+        self.raw
+    }
+
+    pub(super) fn session(&self) -> &Session {
+        &self.session
+    }
+
+    /// Returns the values of all ranks, in the order of the ranks; collective. All ranks pass the same number of
+    /// values.
+    pub(super) fn all_gather<T: Equivalence + Copy + Default>(&self, own: &[T]) -> Vec<T> {
+        let Some(comm) = self.mpi.as_ref().filter(|_| self.ranks > 1 && !own.is_empty()) else { return own.to_vec() };
+        let mut all = vec![T::default(); own.len() * self.ranks];
+        let _alone = lock();
+        comm.all_gather_into(own, &mut all[..]);
+        all
     }
 }
 

@@ -269,12 +269,11 @@ impl Factor {
         }
         // For almost any right-hand side, the solution of a nearly singular system is close to the null space.
         let mut load = Vector::zeros(&a.context, a.pattern().rows())?;
-        for (k, load) in load.as_mut_slice().iter_mut().enumerate() {
-            *load = (k as f64).sin() + 1.5;
+        for (row, load) in (a.context.first_row()..).zip(load.as_mut_slice()) {
+            *load = (row as f64).sin() + 1.5;
         }
         self.solve(a, &load, x)?;
-        let sizes = x.as_slice().iter().map(|x| x.abs()).enumerate();
-        Ok(sizes.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(unknown, _)| unknown))
+        Ok(a.context.largest_magnitude(x.as_slice()).map(|(unknown, _)| unknown))
     }
 
     /// Returns the row at whose pivot PETSc's own factorization stopped.
@@ -282,7 +281,7 @@ impl Factor {
         let (factor, mut pivot, mut row) = (self.matrix, 0.0, 0);
         // SAFETY: a live factor.
         let code = call(|| unsafe { ffi::MatFactorGetErrorZeroPivot(factor, &raw mut pivot, &raw mut row) });
-        let row = usize::try_from(row).ok().filter(|&row| row < a.pattern().rows());
+        let row = usize::try_from(row).ok().filter(|&row| row < a.layout.shape_of_all().0);
         code.ok().and(row)
     }
 

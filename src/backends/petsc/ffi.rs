@@ -44,6 +44,8 @@ pub type ErrorHandler =
 pub const ERROR_INITIAL: c_int = 0;
 /// Borrows or returns the array of values of a sequential matrix.
 pub type Array = unsafe extern "C" fn(Mat, *mut *mut f64) -> Code;
+/// `PETSC_ERR_SUP`.
+pub const ERR_SUP: Code = 56;
 /// `PETSC_ERR_ARG_OUTOFRANGE`.
 pub const ERR_ARG_OUTOFRANGE: Code = 63;
 /// `PETSC_ERR_ARG_SIZ`.
@@ -65,6 +67,9 @@ pub const SUBSET_NONZERO_PATTERN: c_int = 1;
 // MatFactorError
 pub const MAT_FACTOR_NOERROR: c_int = 0;
 pub const MAT_FACTOR_OUTMEMORY: c_int = 3;
+// InsertMode, ScatterMode
+pub const INSERT_VALUES: c_int = 1;
+pub const SCATTER_FORWARD: c_int = 0;
 // KSPNormType, PCSide
 pub const KSP_NORM_UNPRECONDITIONED: c_int = 2;
 pub const PC_RIGHT: c_int = 1;
@@ -84,6 +89,12 @@ unsafe extern "C" {
     pub fn PetscOptionsClearValue(options: *mut c_void, name: *const c_char) -> Code;
 
     pub fn VecCreateSeq(comm: MPI_Comm, len: c_int, out: *mut Vec) -> Code;
+    pub fn VecCreateGhost(comm: MPI_Comm, own: Int, total: Int, ghosts: Int, rows: Ints, out: *mut Vec) -> Code;
+    pub fn VecGhostGetLocalForm(vec: Vec, local: *mut Vec) -> Code;
+    pub fn VecGhostRestoreLocalForm(vec: Vec, local: *mut Vec) -> Code;
+    pub fn VecGhostUpdateBegin(vec: Vec, insert: c_int, direction: c_int) -> Code;
+    pub fn VecGhostUpdateEnd(vec: Vec, insert: c_int, direction: c_int) -> Code;
+    pub fn VecDuplicate(vec: Vec, out: *mut Vec) -> Code;
     pub fn VecDestroy(vec: *mut Vec) -> Code;
     pub fn VecGetArray(vec: Vec, values: *mut *mut f64) -> Code;
     pub fn VecRestoreArray(vec: Vec, values: *mut *mut f64) -> Code;

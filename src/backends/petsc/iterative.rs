@@ -72,7 +72,7 @@ impl ByIterations {
     pub(super) fn solve(&mut self, a: &Matrix, b: &Vector, x: &mut Vector) -> Result<SolveReport, SolverError> {
         let size = b.norm()?;
         if size == 0.0 {
-            x.as_mut_slice().fill(0.0);
+            x.zero()?;
             return Ok(SolveReport::DIRECT);
         }
         if !size.is_finite() {
@@ -89,7 +89,7 @@ impl ByIterations {
             reason = ended.reason;
             a.mul(x, &mut self.product)?;
             let squares = b.as_slice().iter().zip(self.product.as_slice()).map(|(b, ax)| ((b - ax) / size).powi(2));
-            report.residual = squares.sum::<f64>().sqrt();
+            report.residual = a.context.sum_of_parts(squares.sum()).sqrt();
             if report.residual <= self.method.tolerance {
                 return Ok(report);
             }

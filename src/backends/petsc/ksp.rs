@@ -90,10 +90,11 @@ impl Ksp {
         let ksp = self.raw();
         // SAFETY: a live object.
         call(|| unsafe { ffi::KSPSetInitialGuessNonzero(ksp, ffi::Bool::from(go_on)) })?;
-        if a.context.is_single_rank() {
-            let (b, x) = (b.raw()?, x.raw()?);
+        if a.context.shares_vectors() {
+            let (b, solution) = (b.raw()?, x.raw()?);
             // SAFETY: live objects of the sizes that were analyzed; two vectors.
-            call(|| unsafe { ffi::KSPSolve(ksp, b, x) })?;
+            call(|| unsafe { ffi::KSPSolve(ksp, b, solution) })?;
+            x.update_ghosts()?;
         } else {
             let [right, left] = a.distributed_vectors()?;
             scatter(b.as_slice(), a.layout.rows.clone(), left)?;
@@ -115,7 +116,7 @@ impl Ksp {
     /// Solves `A x_k = b_k` for all `k` at once by a factorization. It does not check convergence, because a
     /// factorization either solves or reports an error.
     pub(super) fn solve_many(&self, a: &Matrix, b: &[Vector], x: &mut [Vector]) -> Result<(), PetscError> {
-        let (own, rows, ksp) = (a.layout.rows.clone(), a.pattern().rows(), self.raw());
+        let (own, (rows, _), ksp) = (a.layout.rows.clone(), a.layout.shape_of_all(), self.raw());
         let mut columns = vec![0.0; own.len() * b.len()];
         let mut solutions = columns.clone();
         for (column, b) in columns.chunks_exact_mut(own.len().max(1)).zip(b) {
@@ -141,7 +142,12 @@ impl Ksp {
         drop((right, left));
         for (k, x) in x.iter_mut().enumerate() {
             let column = &solutions[k * own.len()..(k + 1) * own.len()];
-            a.context.gather(column, rows, |row| row, x.as_mut_slice());
+            if a.context.shares_vectors() {
+                x.as_mut_slice().copy_from_slice(column);
+                x.update_ghosts()?;
+            } else {
+                a.context.gather(column, rows, |row| row, x.as_mut_slice());
+            }
         }
         Ok(())
     }

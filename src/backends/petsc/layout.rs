@@ -4,11 +4,16 @@
 //! in two arrays: the entries whose columns it owns (the diagonal part) and the others (the off-diagonal part), row
 //! after row, with columns ascending in both. This module treats the two as one array, the off-diagonal part after the
 //! diagonal one. BAIJ does the same with blocks, and stores each block by columns.
+//!
+//! A rank that holds a part of a system uses local numbers: its own rows, which are all rows of the pattern, and the
+//! columns of these rows before those of the ghosts. Because ghosts ascend by their global numbers, the columns of both
+//! parts ascend in PETSc's order.
 
 use std::ops::Range;
 use std::sync::Arc;
 
 use super::Context;
+use super::rows::Parts;
 use crate::backends::local::{NOT_FOUND, find};
 use crate::las::Sparsity;
 
@@ -27,6 +32,8 @@ pub(super) struct Layout {
     /// For each row of this rank, the start and length of its diagonal part and the number of entries left of it; empty
     /// on one rank.
     splits: Vec<Split>,
+    /// The global numbers of the rows and columns; `None` if the pattern uses them itself.
+    parts: Option<Arc<Parts>>,
 }
 
 #[derive(Clone, Copy, Debug, Default)]
@@ -92,9 +99,12 @@ impl Row<'_> {
 
 impl Layout {
     pub(super) fn new(context: &Context, pattern: &Arc<Sparsity>) -> Self {
-        let (rows, cols) = (context.own_range(pattern.rows()), context.own_range(pattern.cols()));
-        let mut layout =
-            Self { pattern: Arc::clone(pattern), rows, cols, diagonal: pattern.nnz(), block: 1, splits: Vec::new() };
+        let (rows, cols) = match context.rows() {
+            Some(rows) => (0..rows.own.len(), 0..rows.own.len()),
+            None => (context.own_range(pattern.rows()), context.own_range(pattern.cols())),
+        };
+        let (pattern, diagonal, parts) = (Arc::clone(pattern), pattern.nnz(), context.parts().cloned());
+        let mut layout = Self { pattern, rows, cols, diagonal, block: 1, splits: Vec::new(), parts };
         if !context.is_single_rank() {
             layout.split();
         }
@@ -111,6 +121,26 @@ impl Layout {
             start += len;
         }
         self.diagonal = start;
+    }
+
+    /// Returns the numbers of rows and columns of all ranks.
+    pub(super) fn shape_of_all(&self) -> (usize, usize) {
+        match &self.parts {
+            Some(parts) => (parts.rows().total, parts.rows().total),
+            None => (self.pattern.rows(), self.pattern.cols()),
+        }
+    }
+
+    /// Returns the number of row numbers in use on this rank, some of which may be rows of other ranks.
+    pub(super) fn row_numbers(&self) -> usize {
+        if self.parts.is_some() { self.pattern.cols() } else { self.pattern.rows() }
+    }
+
+    /// Returns true if a pair of indices is neither in the pattern nor of a row or column to drop. Rows outside the
+    /// pattern are rows of ghosts.
+    pub(super) fn is_outside(&self, row: i32, column: i32) -> bool {
+        let is_dropped = row < 0 || column < 0 || (row as usize) >= self.pattern.rows() && self.parts.is_some();
+        !is_dropped && self.pattern.find(row as usize, column as usize).is_none()
     }
 
     /// Returns the number of entries of this rank.
@@ -154,6 +184,9 @@ impl Layout {
         if self.block > 1 {
             return self.compressed_blocks();
         }
+        if let Some(parts) = &self.parts {
+            return parts.compressed(&self.pattern);
+        }
         let starts = &self.pattern.row_offsets()[self.rows.start..=self.rows.end];
         let (first, last) = (starts[0], starts[starts.len() - 1]);
         let columns = &self.pattern.col_indices()[first as usize..last as usize];
@@ -171,8 +204,11 @@ impl Layout {
     }
 
     /// Returns true if the pattern consists of full blocks of `size` by `size`; the part of every rank then does so
-    /// too.
+    /// too. If each rank holds a part of the system, only the part of this rank is examined.
     pub(super) fn has_blocks(&self, size: usize) -> bool {
+        if let Some(parts) = &self.parts {
+            return parts.has_blocks(&self.pattern, size);
+        }
         let (rows, cols) = (self.pattern.rows(), self.pattern.cols());
         if size < 2 || !rows.is_multiple_of(size) || !cols.is_multiple_of(size) {
             return false;

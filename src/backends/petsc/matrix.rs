@@ -15,6 +15,10 @@ use crate::las::Sparsity;
 
 /// A matrix of PETSc's type AIJ or BAIJ over a fixed pattern. On several ranks, each rank stores the rows that it owns
 /// and ignores contributions to other rows.
+///
+/// With [`Distribution::Parts`](super::Distribution::Parts), the matrix is of type AIJ; its pattern and all indices use
+/// the local numbers of the rank. Reading gives zeros for ghost rows and is not collective. Sums, products and
+/// transposes of matrices, and the traversal of all entries, are not supported.
 #[derive(Debug)]
 pub struct Matrix {
     pub(super) layout: Layout,
@@ -52,9 +56,8 @@ const BAIJ: &CStr = c"baij";
 impl Matrix {
     /// Creates a zero matrix of the type that the context requests and the pattern allows.
     pub(super) fn zeros(context: &Context, pattern: &Arc<Sparsity>) -> Result<Self, PetscError> {
-        let mut layout = Layout::new(context, pattern);
-        let blocks = if layout.has_blocks(context.block()) { context.block() } else { 1 };
-        if context.matrix_type() == MatrixType::Baij {
+        let (mut layout, blocks) = Self::checked_layout(context, pattern)?;
+        if context.matrix_type() == MatrixType::Baij && context.parts().is_none() {
             layout.block = blocks;
         }
         Self::of_layout(context, layout, blocks)
@@ -62,9 +65,16 @@ impl Matrix {
 
     /// Creates a zero matrix of type AIJ.
     pub(super) fn zeros_aij(context: &Context, pattern: &Arc<Sparsity>) -> Result<Self, PetscError> {
-        let layout = Layout::new(context, pattern);
-        let blocks = if layout.has_blocks(context.block()) { context.block() } else { 1 };
+        let (layout, blocks) = Self::checked_layout(context, pattern)?;
         Self::of_layout(context, layout, blocks)
+    }
+
+    /// Returns the layout of a pattern and the block size, on which all ranks agree.
+    fn checked_layout(context: &Context, pattern: &Arc<Sparsity>) -> Result<(Layout, usize), PetscError> {
+        context.agree(context.parts().map_or(Ok(()), |parts| parts.check_pattern(pattern)))?;
+        let layout = Layout::new(context, pattern);
+        let has_blocks = context.holds_for_all(layout.has_blocks(context.block()));
+        Ok((layout, if has_blocks { context.block() } else { 1 }))
     }
 
     fn of_layout(context: &Context, layout: Layout, blocks: usize) -> Result<Self, PetscError> {
@@ -73,7 +83,8 @@ impl Matrix {
         let handle = Handle::new(context.session(), |out| unsafe { ffi::MatCreate(comm, out) })?;
         let (raw, kind) = (handle.raw(), if layout.block > 1 { BAIJ } else { AIJ });
         let [own_rows, own_cols, size] = [layout.rows.len(), layout.cols.len(), blocks].map(|size| size as i32);
-        let (rows, cols) = (count(layout.pattern.rows())?, count(layout.pattern.cols())?);
+        let (rows, cols) = layout.shape_of_all();
+        let (rows, cols) = (count(rows)?, count(cols)?);
         let (starts, columns) = layout.compressed();
         // SAFETY: a live matrix; arrays of the sizes that a checked pattern has, which PETSc copies.
         call(|| unsafe { ffi::MatSetSizes(raw, own_rows, own_cols, rows, cols) })?;

@@ -1,11 +1,31 @@
 //! `petsc`: vectors, matrices and solvers of PETSc, on one rank or many.
 //!
 //! # Distribution of data
-//! All ranks of a communicator run the same program on the same data ([`Distribution::Copies`]). Every rank stores
-//! whole vectors: reading them, norms and dot products need no communication and are bitwise identical on all ranks.
-//! Every rank writes all entries of a matrix but stores only the rows that it owns. Reading a matrix, multiplying and
-//! solving are collective and give every rank the whole result. Code that is generic over the backend therefore runs
-//! unchanged on any number of ranks: every rank repeats the assembly, and the ranks share factorizations and products.
+//! **Copies** ([`Distribution::Copies`], the default): all ranks of a communicator run the same program on the same
+//! data. Every rank stores whole vectors: reading them, norms and dot products need no communication and are bitwise
+//! identical on all ranks. Every rank writes all entries of a matrix but stores only the rows that it owns. Reading a
+//! matrix, multiplying and solving are collective and give every rank the whole result. Code that is generic over the
+//! backend therefore runs unchanged on any number of ranks: every rank repeats the assembly, and the ranks share
+//! factorizations and products.
+//!
+//! **Parts** ([`Distribution::Parts`], by [`Backend::with_rows`]): every rank holds a part of the system, and no rank
+//! needs memory for all of it. Indices are the local numbers of [`RankRows`]: a rank owns a range of rows, and reads
+//! copies of the entries of vectors in its ghost rows.
+//!
+//! | operation | copies | parts |
+//! |---|---|---|
+//! | pattern and vector | `n` by `n`, `n` entries | own rows by local numbers, own entries |
+//! | writing to other rows than the own | stored in vectors, dropped by matrices | dropped |
+//! | reading a matrix | collective, all rows | own rows, zeros elsewhere |
+//! | `finish` of a vector | nothing | collective: updates the ghosts |
+//! | norm, dot product, [`Backend::sum`], [`Backend::max`] | no communication | collective, the same bits on all ranks |
+//! | product, diagonal, solve | collective, whole vectors | collective, own entries and ghosts |
+//! | [`Entries`](crate::las::Entries), [`MatMat`](crate::las::MatMat) | yes | an error, except `scale` |
+//! | storage of matrices | [`MatrixType`] | AIJ |
+//!
+//! Products and solvers of parts work on the vectors themselves, without copying. Where an operation could fail on one
+//! rank alone (creating a context, a matrix or a solver, factoring), the ranks exchange the outcome, and it fails on
+//! all. Vectors that do not fit a product or a solver are the exception: that error must be made by all ranks.
 //!
 //! # Sessions
 //! [`Session`] initializes MPI and PETSc and finalizes them after the last object is dropped; [`Context`] adds a
@@ -39,17 +59,22 @@ mod context;
 mod direct;
 mod error;
 mod ffi;
+mod ghosts;
 mod handle;
 mod iterative;
+mod judgments;
 mod ksp;
 mod layout;
 mod matrix;
 mod near_null_space;
 mod ops;
 mod products;
+mod reduce;
+mod rows;
 mod session;
 mod solve;
 mod vector;
+mod vector_ops;
 
 use std::sync::Arc;
 
@@ -60,7 +85,7 @@ pub use session::{Session, SessionError};
 pub use solve::{Solver, Symbolic};
 pub use vector::Vector;
 
-use crate::las::{Backend, SolveError, SolverParams, Sparsity};
+use crate::las::{Backend, RankRows, SolveError, SolverParams, Sparsity};
 
 type SolverError = SolveError<PetscError>;
 
@@ -82,6 +107,26 @@ impl Backend for Petsc {
     type Matrix = Matrix;
     type Symbolic = Symbolic;
     type Solver = Solver;
+
+    /// Always returns a context, with [`Distribution::Parts`]. An error on any rank is an error on all.
+    fn with_rows(context: &Context, rows: RankRows) -> Result<Option<Context>, PetscError> {
+        context.with_rows(rows).map(Some)
+    }
+
+    fn sum(context: &Context, values: &mut [f64]) -> Result<(), PetscError> {
+        if let Some(parts) = context.parts() {
+            parts.sum(values);
+        }
+        Ok(())
+    }
+
+    /// The maximum is NaN if a value is.
+    fn max(context: &Context, values: &mut [f64]) -> Result<(), PetscError> {
+        if let Some(parts) = context.parts() {
+            parts.max(values);
+        }
+        Ok(())
+    }
 
     fn vector(context: &Context, len: usize) -> Result<Vector, PetscError> {
         Vector::zeros(context, len)

@@ -1,36 +1,18 @@
-//! The vector and matrix operations of assembly, which bypass the functions of PETSc.
+//! The matrix operations of assembly, which bypass the functions of PETSc.
 //!
-//! They access the memory of the vector or matrix directly, at positions given by the pattern. `VecSetValues` and
+//! They access the memory of the matrix directly, at positions given by the pattern. `VecSetValues` and
 //! `MatSetValues` do not check that an index is in range and would write anywhere; if logging is on, both also write to
 //! the log of PETSc, which all threads of the process share. `finish` of a matrix informs PETSc, under the lock,
 //! that entries changed.
 
 use super::context::Context;
 use super::error::PetscError;
-use super::{Matrix, Petsc, Vector, ffi};
+use super::{Matrix, Petsc, ffi};
 use crate::backends::local;
 use crate::las::MatrixOps;
 
 /// The slot of a dropped contribution.
 const DROPPED: u32 = u32::MAX;
-
-local::impl_vector_ops!(
-    [] Petsc, Vector, f64, f64, PetscError,
-    norm(x): Ok(local::norm(x.as_slice())),
-    dot(x, y): {
-        if x.size() != y.size() {
-            return x.dot_by_petsc(y);
-        }
-        Ok(local::dot(x.as_slice(), y.as_slice()))
-    },
-    axpy(a, x, y): {
-        if x.size() != y.size() {
-            return y.axpy_by_petsc(a, x);
-        }
-        local::axpy(a, x.as_slice(), y.as_mut_slice());
-        Ok(())
-    }
-);
 
 impl Matrix {
     /// Calls `visit(entry, value of the block)` for every pair of indices of a block whose entry this rank stores.
@@ -65,15 +47,13 @@ impl Matrix {
     /// Returns an error, on all ranks alike, if a pair is not in the pattern. Only debug builds call it; release builds
     /// drop such pairs.
     fn check_pattern(&self, rows: &[i32], cols: &[i32]) -> Result<(), PetscError> {
-        let pattern = &self.layout.pattern;
-        let (m, n) = (pattern.rows() as i32, pattern.cols() as i32);
+        let (m, n) = (self.layout.row_numbers() as i32, self.layout.pattern.cols() as i32);
         debug_assert!(rows.iter().all(|&row| row < m), "a row of {rows:?} is not below {m}");
         debug_assert!(cols.iter().all(|&column| column < n), "a column of {cols:?} is not below {n}");
         let mut pairs = rows.iter().flat_map(|&row| cols.iter().map(move |&column| (row, column)));
-        let is_outside = |&(row, column): &(i32, i32)| {
-            row >= 0 && column >= 0 && pattern.find(row as usize, column as usize).is_none()
+        let Some((row, column)) = pairs.find(|&(row, column)| self.layout.is_outside(row, column)) else {
+            return Ok(());
         };
-        let Some((row, column)) = pairs.find(is_outside) else { return Ok(()) };
         let text = format!("({row}, {column}) is not in the pattern");
         Err(PetscError::found(ffi::ERR_ARG_OUTOFRANGE, "", text))
     }
@@ -95,8 +75,11 @@ impl Matrix {
         }
     }
 
-    /// Reads the entries of all ranks (collective).
+    /// Reads the entries of all ranks (collective); of this rank alone if each rank holds a part of the system.
     fn read_together(&self, context: &Context, rows: &[i32], cols: &[i32], block: &mut [f64]) {
+        if context.parts().is_some() {
+            return self.read(rows, cols, block);
+        }
         let mut sum = vec![0.0; block.len()];
         self.read(rows, cols, &mut sum);
         context.sum(&mut sum);
@@ -133,7 +116,7 @@ impl MatrixOps<Petsc> for Matrix {
     fn zero_rows(&mut self, rows: &[i32]) -> Result<(), PetscError> {
         let Self { layout, values, .. } = self;
         for &row in rows {
-            debug_assert!(row < layout.pattern.rows() as i32, "row {row} of a matrix of {}", layout.pattern.rows());
+            debug_assert!(row < layout.row_numbers() as i32, "row {row} of a matrix of {}", layout.pattern.rows());
             let Some(own) = layout.row(row) else { continue };
             for position in 0..own.columns.len() {
                 if let Some(value) = values.get_mut(own.at(position)) {
@@ -171,10 +154,7 @@ impl MatrixOps<Petsc> for Matrix {
         for &row in rows {
             let own = self.layout.row(row);
             slots.extend(cols.iter().map(|&column| {
-                debug_assert!(
-                    row < 0 || column < 0 || self.layout.pattern.find(row as usize, column as usize).is_some(),
-                    "({row}, {column}) is not in the pattern"
-                );
+                debug_assert!(!self.layout.is_outside(row, column), "({row}, {column}) is not in the pattern");
                 own.and_then(|own| own.find(column)).map_or(DROPPED, |at| at as u32)
             }));
         }

@@ -9,7 +9,7 @@ use super::matrix::DistributedVector;
 use super::session::call;
 use super::{Matrix, Petsc, SolverError, Vector, ffi};
 use crate::backends::checks::check_size;
-use crate::las::{Entries, MatMat, MatVec, MatrixOps, SolveError, Sparsity, VectorOps};
+use crate::las::{Backend, Entries, MatMat, MatVec, MatrixOps, SolveError, Sparsity, VectorOps};
 
 /// Copies the part of this rank from a whole vector to a distributed vector.
 pub(super) fn scatter(whole: &[f64], own: std::ops::Range<usize>, part: &DistributedVector) -> Result<(), PetscError> {
@@ -46,14 +46,35 @@ impl Matrix {
             // SAFETY: live objects whose sizes were checked; two vectors.
             call(|| unsafe { if transposed { ffi::MatMultTranspose(a, x, y) } else { ffi::MatMult(a, x, y) } })
         };
-        if self.context.is_single_rank() {
-            return product(x.raw()?, y.raw()?);
+        if self.context.shares_vectors() {
+            product(x.raw()?, y.raw()?)?;
+            return y.update_ghosts();
         }
         let [right, left] = self.distributed_vectors()?;
         let (from, to) = if transposed { (left, right) } else { (right, left) };
         scatter(x.as_slice(), self.context.own_range(x.len()), from)?;
         product(from.raw(), to.raw())?;
         self.gather(to, y)
+    }
+
+    /// Returns the numbers of own entries of a product and of a vector to multiply.
+    fn lens(&self) -> (usize, usize) {
+        let (rows, cols) = self.shape();
+        (rows, if self.is_part() { rows } else { cols })
+    }
+
+    /// Returns true if each rank holds a part of the system.
+    fn is_part(&self) -> bool {
+        self.context.parts().is_some()
+    }
+
+    /// Returns an error if each rank holds a part of the system.
+    fn check_whole(&self) -> Result<(), PetscError> {
+        if self.is_part() {
+            let text = "a rank that holds a part of a matrix cannot visit the entries of all ranks".to_owned();
+            return Err(PetscError::found(ffi::ERR_SUP, "", text));
+        }
+        Ok(())
     }
 
     /// Adds `A += factor other`; the pattern of `other` must be part of that of `A`.
@@ -87,32 +108,50 @@ impl Matrix {
 
 impl MatVec<Petsc> for Matrix {
     fn mul(&self, x: &Vector, y: &mut Vector) -> Result<(), SolverError> {
-        let (rows, cols) = self.shape();
+        let (rows, cols) = self.lens();
         check_size("the vector to multiply", x.len(), cols)?;
         check_size("the product", y.len(), rows)?;
         Ok(self.multiply(x, y, false)?)
     }
 
     fn mul_transpose(&self, x: &Vector, y: &mut Vector) -> Result<(), SolverError> {
-        let (rows, cols) = self.shape();
+        let (rows, cols) = self.lens();
         check_size("the vector to multiply", x.len(), rows)?;
         check_size("the product", y.len(), cols)?;
         Ok(self.multiply(x, y, true)?)
     }
 
     fn diagonal(&self, d: &mut Vector) -> Result<(), SolverError> {
-        let (rows, cols) = self.shape();
+        let (rows, cols) = self.lens();
         check_size("the diagonal", d.len(), rows.min(cols))?;
-        let d = d.as_mut_slice();
-        for (row, d) in d.iter_mut().enumerate() {
+        for (row, d) in d.as_mut_slice().iter_mut().enumerate() {
             let at = self.layout.row(row as i32).and_then(|own| own.find(row as i32));
             *d = at.map_or(0.0, |at| self.values.get(at));
         }
-        self.context.sum(d);
-        Ok(())
+        if self.context.parts().is_none() {
+            self.context.sum(d.as_mut_slice());
+        }
+        Ok(d.update_ghosts()?)
+    }
+
+    fn inverse_diagonal(&self, d: &mut Vector) -> Result<(), SolverError> {
+        self.diagonal(d)?;
+        if let Some(row) = self.context.first_of_parts(d.as_slice().iter().position(|&entry| entry == 0.0)) {
+            return Err(SolveError::ZeroDiagonal { row });
+        }
+        d.as_mut_slice().iter_mut().for_each(|entry| *entry = 1.0 / *entry);
+        Ok(d.update_ghosts()?)
     }
 }
 
+/// Returns the error for an operation that needs all rows of a matrix.
+fn unsupported(what: &'static str) -> SolverError {
+    let cure = "create the matrix in a context in which every rank has all rows (`Distribution::Copies`)";
+    SolveError::Unsupported { backend: Petsc::NAME, what, cure }
+}
+
+/// With [`Distribution::Parts`](super::Distribution::Parts), sums, products and transposes are
+/// [`SolveError::Unsupported`].
 impl MatMat<Petsc> for Matrix {
     fn scale(&mut self, factor: f64) -> Result<(), PetscError> {
         let raw = self.raw();
@@ -122,6 +161,9 @@ impl MatMat<Petsc> for Matrix {
     }
 
     fn sum(&self, a: f64, other: &Self, b: f64) -> Result<Self, SolverError> {
+        if self.is_part() || other.is_part() {
+            return Err(unsupported("sum of matrices of which each rank holds a part"));
+        }
         check_size("the other matrix (rows)", other.shape().0, self.shape().0)?;
         check_size("the other matrix (columns)", other.shape().1, self.shape().1)?;
         let union = self.pattern().union(other.pattern()).map_err(SolveError::TooLarge)?;
@@ -136,6 +178,9 @@ impl MatMat<Petsc> for Matrix {
     }
 
     fn product(&self, other: &Self) -> Result<Self, SolverError> {
+        if self.is_part() || other.is_part() {
+            return Err(unsupported("product of matrices of which each rank holds a part"));
+        }
         check_size("the other matrix (rows)", other.shape().0, self.shape().1)?;
         let pattern = self.pattern().product(other.pattern()).map_err(SolveError::TooLarge)?;
         let copies = (self.to_aij()?, other.to_aij()?);
@@ -146,6 +191,9 @@ impl MatMat<Petsc> for Matrix {
     }
 
     fn transpose(&self) -> Result<Self, SolverError> {
+        if self.is_part() {
+            return Err(unsupported("transpose of a matrix of which each rank holds a part"));
+        }
         let copy = self.to_aij()?;
         let a = copy.as_ref().unwrap_or(self).raw();
         // SAFETY: a live matrix.
@@ -154,13 +202,16 @@ impl MatMat<Petsc> for Matrix {
     }
 }
 
-/// The entries of all ranks (collective).
+/// The entries of all ranks (collective). With [`Distribution::Parts`](super::Distribution::Parts), no rank has them:
+/// both methods return an error.
 impl Entries<Petsc> for Matrix {
     fn pattern(&self) -> Result<Arc<Sparsity>, PetscError> {
+        self.check_whole()?;
         Ok(Arc::clone(&self.layout.pattern))
     }
 
     fn for_each(&self, mut visit: impl FnMut(usize, usize, f64)) -> Result<(), PetscError> {
+        self.check_whole()?;
         let (pattern, mut values) = (&self.layout.pattern, self.all_values().into_iter());
         for row in 0..pattern.rows() {
             for (&column, value) in pattern.row(row).iter().zip(&mut values) {

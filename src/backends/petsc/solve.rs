@@ -6,9 +6,10 @@ use super::context::Context;
 use super::direct::{Factor, Failure, Outcome};
 use super::iterative::ByIterations;
 use super::{Matrix, Petsc, SolverError, Vector};
-use crate::backends::checks::{check_analyzable, check_columns, check_pattern, check_size, definite, singular_limit};
+use crate::backends::checks::{
+    check_analyzable, check_columns, check_pattern, check_size, definite, parameters, singular_limit,
+};
 use crate::backends::local;
-use crate::backends::null_vector::{Scales, check_null_vector, null_vector_limit};
 use crate::las::{
     Backend, FactorReport, Factorization, Iterative, MatVec, Method, Preconditioner, SolveError, SolveReport,
     SolverParams, Sparsity, Symmetry, VectorOps,
@@ -18,15 +19,25 @@ use crate::las::{
 /// factorizations and are made with the first one of every solver.
 #[derive(Debug)]
 pub struct Symbolic {
-    context: Context,
+    pub(super) context: Context,
     pattern: Arc<Sparsity>,
-    params: SolverParams,
+    pub(super) params: SolverParams,
+    /// The numbers of unknowns and of entries of all ranks.
+    pub(super) unknowns: usize,
+    entries: f64,
 }
 
 impl Symbolic {
     pub(super) fn new(context: &Context, pattern: &Arc<Sparsity>, params: &SolverParams) -> Result<Self, SolverError> {
-        check_analyzable(pattern, params)?;
-        Ok(Self { context: context.clone(), pattern: Arc::clone(pattern), params: *params })
+        match context.parts() {
+            Some(parts) => {
+                context.agree(parts.check_pattern(pattern))?;
+                parameters(params)?;
+            }
+            None => check_analyzable(pattern, params)?,
+        }
+        let (unknowns, entries) = (context.unknowns(pattern), context.sum_of_parts(pattern.nnz() as f64));
+        Ok(Self { context: context.clone(), pattern: Arc::clone(pattern), params: *params, unknowns, entries })
     }
 }
 
@@ -39,17 +50,18 @@ impl Symbolic {
 ///
 /// No package reports which unknown has a pivot that is not positive: reports and errors name the unknown with the
 /// smallest diagonal entry. For a singular matrix, they name the unknown with the largest component in the null space.
+/// Unknowns and rows in reports and errors are numbered over all ranks, and all ranks get the same report.
 #[derive(Debug)]
 pub struct Solver {
-    symbolic: Arc<Symbolic>,
-    limit: f64,
+    pub(super) symbolic: Arc<Symbolic>,
+    pub(super) limit: f64,
     /// A copy of the matrix, because its owner may change it.
-    a: Matrix,
+    pub(super) a: Matrix,
     /// The factors by Cholesky, LDL^T and LU (see [`index`]).
-    factors: [Option<Factor>; 3],
+    pub(super) factors: [Option<Factor>; 3],
     iterative: Option<ByIterations>,
     active: Option<Factorization>,
-    diagonal: Vector,
+    pub(super) diagonal: Vector,
 }
 
 impl Solver {
@@ -75,33 +87,19 @@ impl Solver {
     fn copy_matrix(&mut self, a: &Matrix) -> Result<(), SolverError> {
         self.active = None;
         let (found, expected) = (a.pattern(), &self.symbolic.pattern);
-        check_pattern(found, expected)?;
+        let context = &self.symbolic.context;
+        context.agree(check_pattern(found, expected))?;
         let row =
             if a.values.slices().into_iter().all(local::all_finite) { usize::MAX } else { self.first_not_finite(a) };
-        let row = self.symbolic.context.min(row);
+        let row = context.min(row);
         if row != usize::MAX {
             return Err(SolveError::NotFinite { row });
         }
         // No package accepts a matrix without entries.
-        if expected.nnz() == 0 && expected.rows() > 0 {
+        if self.symbolic.entries == 0.0 && self.symbolic.unknowns > 0 {
             return Err(SolveError::Singular { unknown: 0, ratio: 0.0, limit: self.limit });
         }
         Ok(self.a.copy_values(a)?)
-    }
-
-    fn first_not_finite(&self, a: &Matrix) -> usize {
-        let is_bad = |&row: &usize| {
-            let own = a.layout.row(row as i32);
-            own.is_some_and(|own| (0..own.columns.len()).any(|k| !a.values.get(own.at(k)).is_finite()))
-        };
-        a.layout.rows.clone().find(is_bad).unwrap_or(usize::MAX)
-    }
-
-    /// Returns the unknown with the smallest diagonal entry.
-    fn smallest_diagonal(&mut self) -> Result<usize, SolverError> {
-        self.a.diagonal(&mut self.diagonal)?;
-        let entries = self.diagonal.as_slice().iter().enumerate();
-        Ok(entries.min_by(|a, b| a.1.total_cmp(b.1)).map_or(0, |(unknown, _)| unknown))
     }
 
     /// Factors the copied matrix, with more memory if the package requests it.
@@ -147,40 +145,6 @@ impl Solver {
         Ok(FactorReport { kind, indefinite_at, pivot_ratio: found.ratio, negative_pivots })
     }
 
-    /// Searches for a null vector if a pivot is small or the package does not report pivots, unless the caller set a
-    /// limit for pivots. If a diagonal entry is not positive, the judgment of the package stands.
-    fn check_near_singular(&mut self, kind: Factorization, ratio: f64) -> Result<(), SolverError> {
-        let n = self.symbolic.pattern.rows();
-        let reported = if ratio < 1.0 { ratio } else { 0.0 };
-        let Some(limit) = null_vector_limit::<f64>(&self.symbolic.params, n, reported) else { return Ok(()) };
-        if kind == Factorization::Approximate {
-            return Ok(());
-        }
-        self.a.diagonal(&mut self.diagonal)?;
-        let Self { symbolic, a, factors, diagonal, .. } = self;
-        let factor = factors.iter().flatten().find(|factor| factor.kind == kind);
-        let Some(factor) = factor.filter(|_| diagonal.as_slice().iter().all(|&entry| entry > 0.0)) else {
-            return Ok(());
-        };
-        let scales = Scales::of_diagonal(diagonal.as_slice().iter().copied());
-        let solve = |b: &Vector, x: &mut Vector| solve_one(factor, a, b, x).map(drop);
-        match check_null_vector::<Petsc>(&symbolic.context, a, kind, &scales, limit, solve)? {
-            Some(unknown) => Err(SolveError::Singular { unknown, ratio, limit: f64::EPSILON }),
-            None => Ok(()),
-        }
-    }
-
-    fn singular(&mut self, kind: Factorization, found: &Outcome) -> SolverError {
-        let Self { a, factors, diagonal, limit, .. } = self;
-        let limit = *limit;
-        let unknown = match factors[index(kind)].take().map(|factor| factor.null_space_unknown(a, found, diagonal)) {
-            Some(Err(error)) => return SolveError::Backend(error),
-            Some(Ok(Some(unknown))) => unknown,
-            _ => 0,
-        };
-        SolveError::Singular { unknown, ratio: if found.ratio < limit { found.ratio } else { 0.0 }, limit }
-    }
-
     /// Factors by Cholesky; returns `None` if the matrix is not positive definite.
     fn factor_by_cholesky(&mut self) -> Result<Option<FactorReport>, SolverError> {
         let (kind, found) = self.attempt(Factorization::Cholesky)?;
@@ -198,7 +162,7 @@ impl Solver {
     }
 
     fn factor_taken(&mut self) -> Result<FactorReport, SolverError> {
-        if self.symbolic.pattern.rows() == 0 {
+        if self.symbolic.unknowns == 0 {
             return Ok(self.report_nothing());
         }
         match self.symbolic.params.symmetry {
@@ -207,7 +171,7 @@ impl Solver {
             Symmetry::Definite => match self.factor_by_cholesky()? {
                 Some(report) => Ok(report),
                 None => {
-                    let unknown = self.smallest_diagonal()?;
+                    let (unknown, _) = self.smallest_diagonal()?;
                     self.factor_by(Factorization::Ldlt, Some(unknown))
                 }
             },
@@ -230,8 +194,9 @@ impl Solver {
         if method == Preconditioner::Diagonal {
             self.a.inverse_diagonal(&mut self.diagonal)?;
         }
-        if let Some(iterative) = self.iterative.as_ref().filter(|_| self.symbolic.pattern.rows() > 0) {
-            iterative.set_up(&self.a)?;
+        if let Some(iterative) = self.iterative.as_ref().filter(|_| self.symbolic.unknowns > 0) {
+            // The next step must be the same on all ranks.
+            self.symbolic.context.agree(iterative.set_up(&self.a))?;
         }
         let kind = Factorization::Approximate;
         self.active = Some(kind);
@@ -240,7 +205,7 @@ impl Solver {
 }
 
 /// Returns the index of the factor of this kind in [`Solver::factors`].
-fn index(kind: Factorization) -> usize {
+pub(super) fn index(kind: Factorization) -> usize {
     match kind {
         Factorization::Cholesky => 0,
         Factorization::Ldlt => 1,
@@ -248,7 +213,7 @@ fn index(kind: Factorization) -> usize {
     }
 }
 
-fn solve_one(factor: &Factor, a: &Matrix, b: &Vector, x: &mut Vector) -> Result<SolveReport, SolverError> {
+pub(super) fn solve_one(factor: &Factor, a: &Matrix, b: &Vector, x: &mut Vector) -> Result<SolveReport, SolverError> {
     let ended = factor.solve(a, b, x)?;
     if ended.reason < 0 {
         return Err(SolveError::Library { library: "PETSc", reason: format!("KSPConvergedReason {}", ended.reason) });
@@ -295,10 +260,9 @@ impl crate::las::Solver<Petsc> for Solver {
 
     fn set_near_null_space(&mut self, vectors: &[Vec<f64>]) -> Result<(), SolverError> {
         let rows = self.symbolic.pattern.rows();
-        for vector in vectors {
-            check_size("a vector of the near null space", vector.len(), rows)?;
-        }
-        if rows > 0 {
+        let mut sizes = vectors.iter().map(|vector| check_size("a vector of the near null space", vector.len(), rows));
+        self.symbolic.context.agree(sizes.try_for_each(|size| size))?;
+        if self.symbolic.unknowns > 0 {
             self.a.set_near_null_space(vectors)?;
         }
         Ok(())
@@ -309,21 +273,21 @@ impl crate::las::Solver<Petsc> for Solver {
     fn factor_definite(&mut self, a: &Matrix) -> Result<FactorReport, SolverError> {
         self.copy_matrix(a)?;
         if let Method::Iterative(method) = self.symbolic.params.method {
-            let unknown = self.smallest_diagonal()?;
-            if self.diagonal.as_slice().get(unknown).is_some_and(|&entry| entry <= 0.0) {
+            let (unknown, entry) = self.smallest_diagonal()?;
+            if entry <= 0.0 {
                 return Err(SolveError::Indefinite { unknown: Some(unknown) });
             }
             return self.prepare_iterations(method.preconditioner);
         }
-        if self.symbolic.params.symmetry == Symmetry::Definite && self.symbolic.pattern.rows() > 0 {
+        if self.symbolic.params.symmetry == Symmetry::Definite && self.symbolic.unknowns > 0 {
             let report = self.factor_by_cholesky()?;
             if let Some(report) = report.filter(|report| report.negative_pivots.is_some()) {
                 return Ok(report);
             }
             // The factorization does not count its negative pivots; only the diagonal is known.
-            let unknown = self.smallest_diagonal()?;
+            let (unknown, entry) = self.smallest_diagonal()?;
             return match report {
-                Some(report) if self.diagonal.as_slice().get(unknown).is_some_and(|&entry| entry > 0.0) => Ok(report),
+                Some(report) if entry > 0.0 => Ok(report),
                 _ => {
                     self.active = None;
                     Err(SolveError::Indefinite { unknown: Some(unknown) })
@@ -339,7 +303,7 @@ impl crate::las::Solver<Petsc> for Solver {
         check_columns(n, b.iter().map(VectorOps::len), x.iter().map(VectorOps::len))?;
         let active = self.active.ok_or(SolveError::NotFactored)?;
         let mut sum = SolveReport::DIRECT;
-        if n == 0 {
+        if self.symbolic.unknowns == 0 {
             return Ok(sum);
         }
         let Self { a, iterative, .. } = self;

@@ -1,20 +1,39 @@
-//! The vector, stored whole on every rank.
+//! The vector: whole on every rank, or a part on each.
+
+use std::sync::Arc;
+
+use mpi::ffi::MPI_Comm;
 
 use super::context::Context;
 use super::error::PetscError;
 use super::ffi;
 use super::handle::Handle;
+use super::rows::Parts;
 use super::session::call;
 
-/// A vector that every rank stores whole, in memory of PETSc.
+/// A vector in memory of PETSc.
 ///
-/// Every rank writes all entries, so that reading, norms and dot products need no communication and are bitwise
-/// identical on all ranks.
+/// With [`Distribution::Copies`](super::Distribution::Copies), every rank stores the whole vector and writes all
+/// entries, so that reading, norms and dot products need no communication and are bitwise identical on all ranks.
+///
+/// With [`Distribution::Parts`](super::Distribution::Parts), every rank stores its own entries and copies of those of
+/// its ghost rows ([`RankRows`](crate::las::RankRows)). Norms and dot products are collective and bitwise identical on
+/// all ranks. The slices contain the own entries.
 #[derive(Debug)]
 pub struct Vector {
-    handle: Handle<ffi::_p_Vec>,
-    values: *mut f64,
-    len: usize,
+    pub(super) handle: Handle<ffi::_p_Vec>,
+    pub(super) values: *mut f64,
+    /// The number of own entries, which come first.
+    pub(super) len: usize,
+    /// The number of own entries and of ghosts.
+    pub(super) held: usize,
+    /// The number of entries if this rank holds all of them, else 0.
+    pub(super) whole: usize,
+    /// `whole` if this rank holds all entries. Else a number that is `whole` of no vector, and equal for vectors with
+    /// the same numbers of own entries and ghosts.
+    pub(super) extent: u64,
+    /// `None` if this rank holds all entries.
+    pub(super) parts: Option<Arc<Parts>>,
 }
 
 // SAFETY: `values` is memory of the vector that `handle` owns, reached in no other way.
@@ -22,14 +41,22 @@ unsafe impl Send for Vector {}
 
 impl Vector {
     pub(super) fn zeros(context: &Context, len: usize) -> Result<Self, PetscError> {
+        if let Some(parts) = context.parts() {
+            return Self::zeros_of_part(context, parts, len);
+        }
         // SAFETY: a constant of MPI, `MPI_COMM_SELF`, which exists for the whole session.
         let alone = unsafe { mpi::ffi::RSMPI_COMM_SELF };
         // Vectors and matrices in one operation must share a communicator.
-        let comm = if context.is_single_rank() { context.comm() } else { alone };
+        Self::whole_of(context, if context.is_single_rank() { context.comm() } else { alone }, len)
+    }
+
+    /// Creates a vector of zeros that this rank holds alone, on a communicator of one rank.
+    pub(super) fn whole_of(context: &Context, comm: MPI_Comm, len: usize) -> Result<Self, PetscError> {
         let count = count(len)?;
         // SAFETY: PETSc is initialized; the communicator is live and of one rank.
         let handle = Handle::new(context.session(), |out| unsafe { ffi::VecCreateSeq(comm, count, out) })?;
-        let mut vector = Self { handle, values: std::ptr::null_mut(), len };
+        let values = std::ptr::null_mut();
+        let mut vector = Self { handle, values, len, held: len, whole: len, extent: len as u64, parts: None };
         vector.values = vector.borrow()?;
         vector.as_mut_slice().fill(0.0);
         Ok(vector)
@@ -70,30 +97,65 @@ impl Vector {
         call(|| unsafe { ffi::VecAXPY(y, a, x) })
     }
 
-    /// Returns the number of entries, without the branch of [`Vector::as_slice`] that empty vectors need.
+    /// Returns the first `len` entries.
+    ///
+    /// # Safety
+    /// The vector holds that many.
     #[inline(always)]
-    pub(super) fn size(&self) -> usize {
-        self.len
-    }
-
-    /// Returns the entries.
-    #[inline(always)]
-    pub fn as_slice(&self) -> &[f64] {
-        if self.len == 0 {
+    pub(super) unsafe fn first(&self, len: usize) -> &[f64] {
+        if len == 0 {
             return &[];
         }
         // SAFETY: `len` numbers that the vector owns, written only through `&mut self`.
-        unsafe { std::slice::from_raw_parts(self.values, self.len) }
+        unsafe { std::slice::from_raw_parts(self.values, len) }
     }
 
-    /// Returns the entries, mutably.
+    /// Returns the first `len` entries, mutably.
+    ///
+    /// # Safety
+    /// The vector holds that many.
     #[inline(always)]
-    pub fn as_mut_slice(&mut self) -> &mut [f64] {
-        if self.len == 0 {
+    unsafe fn first_mut(&mut self, len: usize) -> &mut [f64] {
+        if len == 0 {
             return &mut [];
         }
         // SAFETY: `len` numbers that the vector owns, and `self` is borrowed exclusively.
-        unsafe { std::slice::from_raw_parts_mut(self.values, self.len) }
+        unsafe { std::slice::from_raw_parts_mut(self.values, len) }
+    }
+
+    /// Returns the entries (of this rank).
+    #[inline(always)]
+    pub fn as_slice(&self) -> &[f64] {
+        // SAFETY: `len` is at most `held`.
+        unsafe { self.first(self.len) }
+    }
+
+    /// Returns the entries (of this rank), mutably.
+    #[inline(always)]
+    pub fn as_mut_slice(&mut self) -> &mut [f64] {
+        // SAFETY: `len` is at most `held`.
+        unsafe { self.first_mut(self.len) }
+    }
+
+    /// Returns the entries if this rank holds all of them, else nothing.
+    #[inline(always)]
+    pub(super) fn whole(&self) -> &[f64] {
+        // SAFETY: `whole` is at most `held`.
+        unsafe { self.first(self.whole) }
+    }
+
+    /// Returns the own entries and those of the ghosts.
+    #[inline(always)]
+    pub(super) fn held(&self) -> &[f64] {
+        // SAFETY: the array has `held` entries.
+        unsafe { self.first(self.held) }
+    }
+
+    /// Returns the own entries and those of the ghosts, mutably.
+    #[inline(always)]
+    pub(super) fn held_mut(&mut self) -> &mut [f64] {
+        // SAFETY: the array has `held` entries.
+        unsafe { self.first_mut(self.held) }
     }
 }
 
