@@ -21,6 +21,11 @@
 //! or from thousands of fiber networks. The assembler does not depend on the constitutive model, the constitutive model
 //! does not depend on the mesh, and neither depends on the library that solves the linear system.
 //!
+//! # Ranks
+//! A rank may hold a part of a body ([`mesh::Part`], [`stepping::BodyPart`]): its own elements and nodes, and ghosts, so that
+//! sums over the elements at an own node are complete. All code then works on the part; only sums over nodes, elements and
+//! points ([`Backend::sum`](crate::las::Backend::sum)) and the vectors of the backend communicate.
+//!
 //! # Limits
 //! Elements are displacement elements ([`element::ElementType`]). Linear ones lock in nearly incompressible materials;
 //! patches ([`mesh::Mesh::with_patches`]) prevent it for hexahedra and tetrahedra, with an unsymmetric tangent. The

@@ -13,6 +13,8 @@ mod killed;
 mod loads;
 mod messages;
 mod outputs;
+#[cfg(all(feature = "petsc", feature = "sparse"))]
+mod parts;
 mod ranks;
 mod recorded_errors;
 mod run;

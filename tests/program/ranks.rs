@@ -355,7 +355,7 @@ pub mod processes {
         launched(folder, ranks, arguments).output().unwrap()
     }
 
-    fn mpirun_done(folder: &Path, ranks: usize, arguments: &str) {
+    pub fn mpirun_done(folder: &Path, ranks: usize, arguments: &str) {
         let out = mpirun(folder, ranks, arguments);
         assert!(out.status.success(), "{ranks} ranks, {arguments}: {}", String::from_utf8_lossy(&out.stderr));
     }

@@ -1,0 +1,78 @@
+#!/usr/bin/env bash
+# Runs the cube of run.sh on PETSc with 1, 2, 4 and 8 ranks of the macro scale, and prints for each the greatest memory of
+# one of them, the same without what a body of a few elements takes (the libraries), and the greatest difference of a
+# reaction from that on one rank, relative to the greatest reaction. The argument is the number of cells along a side; by
+# default 40.
+#
+# Needs MPI, PETSc and the command `time`, as the tests do (scripts/test.sh installs them).
+set -euo pipefail
+cd "$(dirname "$0")"
+
+cells=${1:-40}
+export OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1
+(cd ../.. && cargo build --quiet --release --features petsc,metis)
+program=${CARGO_TARGET_DIR:-$PWD/../../target}/release/biotissue
+folder=$(mktemp -d)
+trap 'rm -r "$folder"' EXIT
+
+write_case() { # write_case CELLS MACRO_RANKS
+    cat >"$folder/box.toml" <<CASE
+[mesh]
+generate = { shape = "box", cells = [$1, $1, $1], size = [1.0, 1.0, 1.0] }
+[[region]]
+name = "*"
+material = { model = "neo-hookean", youngs_modulus = 1.0e6, poisson_ratio = 0.3 }
+[[boundary]]
+surface = "x0"
+displacement = { x = 0.0, y = 0.0, z = 0.0 }
+[[boundary]]
+surface = "x1"
+displacement = { x = 0.3, y = 0.0, z = 0.0 }
+[steps]
+count = 3
+[newton]
+tolerance = 1e-11
+solver = { method = "cg", preconditioner = "multigrid" }
+[output]
+every = 0
+[scales]
+macro = $2
+micro = 1
+CASE
+}
+
+# Prints the greatest memory of a macro rank, kilobytes.
+run_on() { # run_on CELLS MACRO_RANKS
+    local ranks=$(($2 + 1)) rank_memory="$folder/memory"
+    rm -f "$rank_memory".*
+    write_case "$1" "$2"
+    # shellcheck disable=SC2016 # the shell of each rank expands the variable
+    mpirun --oversubscribe -n "$ranks" bash -c '
+        exec /usr/bin/time -f %M -o "$1.$OMPI_COMM_WORLD_RANK" "$2" run "$3" --backend petsc --threads 1 --out "$4"
+    ' rank "$rank_memory" "$program" "$folder/box.toml" "$folder/out" >"$folder/output" 2>&1 || {
+        cat "$folder/output" >&2
+        exit 1
+    }
+    # The last rank is that of the micro scale, which has nothing to solve.
+    for rank in $(seq 0 $(($2 - 1))); do cat "$rank_memory.$rank"; done | sort -n | tail -n 1
+}
+
+libraries=$(run_on 2 1)
+echo "libraries: $((libraries / 1000)) MB"
+for macro in 1 2 4 8; do
+    start=$(date +%s.%N)
+    memory=$(run_on "$cells" "$macro")
+    wall=$(awk -v start="$start" -v end="$(date +%s.%N)" 'BEGIN { print end - start }')
+    cp "$folder/out/loads.csv" "$folder/loads.$macro"
+    paste -d '\n' "$folder/loads.1" "$folder/loads.$macro" | tail -n 2 | tr ',' ' ' | awk \
+        -v cells="$cells" -v macro="$macro" -v memory="$memory" -v libraries="$libraries" -v wall="$wall" '
+        NR == 1 { for (i = 1; i <= NF; i++) one[i] = $i }
+        NR == 2 {
+            for (i = 3; i <= NF; i++) {
+                size = one[i] < 0 ? -one[i] : one[i]; if (size > most) most = size
+                error = $i - one[i]; if (error < 0) error = -error; if (error > worst) worst = error
+            }
+            printf "%d cells, %d ranks: %5.0f MB, %5.0f MB without libraries, %6.1f s, difference %.1e\n",
+                cells, macro, memory / 1000, (memory - libraries) / 1000, wall, worst / most
+        }'
+done

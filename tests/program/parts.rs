@@ -1,0 +1,168 @@
+//! Bodies of which each rank of PETSc holds a part: the same results as in one process, at every point and in every file.
+
+use std::path::Path;
+
+use biotissue::app::results::{PointValues, read_points};
+
+use crate::ranks::processes::{assert_same_to_rounding, launched, mpirun_done, one_at_a_time};
+use crate::ranks::{read, with_scales};
+use crate::run::{PRESSED, events, fibers, run, write_case};
+use crate::{frozen, line};
+
+/// A body of two regions with every kind of load, of elements of one type, without networks.
+fn loaded(element: &str, output: &str) -> String {
+    format!(
+        "[mesh]\ngenerate = {{ shape = \"box\", cells = [4, 3, 2], size = [2.0, 1.5, 1.0], element = \"{element}\" }}\n\
+         [[region]]\nname = \"*\"\n\
+         material = {{ model = \"neo-hookean\", shear_modulus = \"1000 + 200*x\", poisson_ratio = 0.3 }}\n\
+         [[boundary]]\nsurface = \"x0\"\ndisplacement = {{ x = 0.0, y = 0.0, z = 0.0 }}\n\
+         [[boundary]]\nsurface = \"x1\"\ntraction = [100.0, 30.0, \"20*y\"]\n\
+         [[boundary]]\nsurface = \"z1\"\npressure = 80.0\n\
+         [[boundary]]\nsurface = \"z0\"\nfoundation = {{ normal = 500.0, tangential = 100.0 }}\n\
+         [[point]]\nat = [2.0, 1.5, 0.0]\nforce = [0.0, 5.0, 0.0]\n\
+         [[point]]\nat = [1.0, 0.0, 1.0]\ndisplacement = {{ z = 0.01 }}\n\
+         [[body_force]]\nregion = \"*\"\nvalue = [0.0, 20.0, 0.0]\n\
+         [newton]\ntolerance = 1e-12\n[steps]\ncount = 2\n[output]\npoints = true\n{output}"
+    )
+}
+
+/// The points of a file by element and number.
+fn sorted(values: &PointValues) -> Vec<usize> {
+    let (elements, points) = (values.integers("element").unwrap(), values.integers("point").unwrap());
+    let mut order: Vec<usize> = (0..elements.len()).collect();
+    order.sort_by_key(|&k| (elements[k], points[k]));
+    order
+}
+
+/// Checks that two files hold the same points, whose values agree to `1e-9` of the largest of their array.
+fn assert_same_points(found: &Path, expected: &Path) {
+    let [found, expected] = [found, expected].map(|path| read_points(path).unwrap());
+    let orders = [sorted(&found), sorted(&expected)];
+    assert_eq!(orders[0].len(), orders[1].len());
+    let pairs = || orders[0].iter().copied().zip(orders[1].iter().copied());
+    for (name, values) in found.integers.iter().filter(|(name, _)| name != "rank" && name != "rve_iterations") {
+        let of_expected = expected.integers(name).unwrap();
+        assert!(pairs().all(|(a, b)| values[a] == of_expected[b]), "{name}");
+    }
+    for (name, size, values) in &found.numbers {
+        let of_expected = expected.numbers(name).unwrap();
+        let largest = of_expected.iter().fold(0.0_f64, |most, value| most.max(value.abs()));
+        let differs = |a: usize, b: usize| {
+            (0..*size).any(|k| (values[size * a + k] - of_expected[size * b + k]).abs() > 1e-9 * largest)
+        };
+        assert!(!pairs().any(|(a, b)| differs(a, b)), "{name}");
+    }
+}
+
+/// Forces, fields and messages are the same, whichever rank holds an element or a condition.
+#[test]
+fn bodies_in_parts_give_the_same_loads_and_fields() {
+    let _turn = one_at_a_time();
+    for (element, solver) in
+        [("tet4", ""), ("hex20", ""), ("tet10", "solver = { method = \"cg\", preconditioner = \"multigrid\" }\n")]
+    {
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path();
+        let text = loaded(element, "");
+        run(folder, &text, "--out alone --backend sparse").done();
+        for (above, below) in [(2, 1), (5, 1)] {
+            let text = text.replace("[newton]\n", &format!("[newton]\n{solver}"));
+            write_case(folder, "case.toml", &with_scales(&text, (above, below)));
+            mpirun_done(folder, above + below, "run case.toml --backend petsc --out parts");
+            assert_same_to_rounding(&read(folder, "parts/loads.csv"), &read(folder, "alone/loads.csv"));
+            assert_same_points(&folder.join("parts/points-00002.pvtu"), &folder.join("alone/points-00002.vtu"));
+            let index = read(folder, "parts/fields-00002.pvtu");
+            let pieces = (0..above).filter(|rank| index.contains(&format!("part-{rank:04}.vtu")));
+            assert_eq!(pieces.count(), above, "{index}");
+            line(folder, "report parts").done();
+            let starts = ["alone", "parts"].map(|out| events(&folder.join(out))[0].clone());
+            for size in ["elements", "nodes", "unknowns", "rves"] {
+                assert_eq!(starts[0][size], starts[1][size], "{size}");
+            }
+        }
+    }
+}
+
+/// RVEs of a part are solved by the micro scale like those of a whole body; networks come from all ranks.
+#[test]
+fn networks_of_bodies_in_parts_are_written() {
+    let _turn = one_at_a_time();
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let text = fibers(&frozen()).replace("cells = [1, 1, 1]", "cells = [3, 1, 1]");
+    let text = format!("{text}[newton]\ntolerance = 1e-12\n[output]\npoints = true\nrve = [1, 4, 16]\n");
+    run(folder, &text, "--out alone --backend sparse").done();
+    write_case(folder, "case.toml", &with_scales(&text, (3, 2)));
+    mpirun_done(folder, 5, "run case.toml --backend petsc --out parts");
+    assert_same_to_rounding(&read(folder, "parts/loads.csv"), &read(folder, "alone/loads.csv"));
+    assert_same_points(&folder.join("parts/points-00002.pvtu"), &folder.join("alone/points-00002.vtu"));
+    for file in ["rve/element-00001-step-00002.vtp", "rve/element-00016-step-00001.vtp", "rve/element-00004.pvd"] {
+        assert!(folder.join("parts").join(file).is_file(), "{file}");
+        assert_eq!(
+            read(folder, &format!("parts/{file}")).len(),
+            read(folder, &format!("alone/{file}")).len(),
+            "{file}"
+        );
+    }
+    let logged = ["alone", "parts"].map(|out| {
+        let steps = events(&folder.join(out)).into_iter().filter(|event| event["event"] == "step");
+        steps.map(|step| step["rve"]["solves"].as_u64().unwrap()).collect::<Vec<_>>()
+    });
+    assert_eq!(logged[0], logged[1]);
+    write_case(folder, "case.toml", &with_scales(&text.replace("[1, 4, 16]", "[1, 99]"), (3, 2)));
+    let failed = launched(folder, 5, "run case.toml --backend petsc --out other").output().unwrap();
+    let message = String::from_utf8_lossy(&failed.stderr);
+    assert!(message.contains("names element 99; the mesh has 18 elements"), "{message}");
+}
+
+/// A step fails on all ranks if it fails on one, and the first failed element is that of a run in one process.
+#[test]
+fn a_failing_step_of_a_body_in_parts_gives_the_same_message() {
+    let _turn = one_at_a_time();
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let text = PRESSED.replace("cells = [1, 1, 1]", "cells = [3, 2, 1]");
+    let alone = run(folder, &text, "--backend sparse --out out");
+    let message = alone.failed(3).to_owned();
+    write_case(folder, "case.toml", &with_scales(&text, (3, 1)));
+    let failed = launched(folder, 4, "run case.toml --backend petsc --out parts").output().unwrap();
+    let of_parts = String::from_utf8_lossy(&failed.stderr);
+    let first = message.lines().next().unwrap();
+    assert!(of_parts.contains(first), "{of_parts}\n{first}");
+    assert!(folder.join("parts/fields-00003-partial-part-0002.vtu").is_file(), "{of_parts}");
+    line(folder, "report parts").done();
+}
+
+/// Some ranks have no element, and none of them a free node of their own.
+#[test]
+fn a_body_of_fewer_elements_than_ranks_runs() {
+    let _turn = one_at_a_time();
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let text =
+        PRESSED.replace("-1.5", "-0.4").replace("size = [1.0, 1.0, 1.0]", "size = [1.0, 1.0, 1.0], element = \"hex8\"");
+    let text = text.replace("cells = [1, 1, 1]", "cells = [2, 1, 1]");
+    run(folder, &text, "--out alone --backend sparse").done();
+    write_case(folder, "case.toml", &with_scales(&text, (4, 1)));
+    mpirun_done(folder, 5, "run case.toml --backend petsc --out parts");
+    assert_same_to_rounding(&read(folder, "parts/loads.csv"), &read(folder, "alone/loads.csv"));
+}
+
+/// The checkpoint holds the whole body: a run goes on with other parts, and in one process.
+#[test]
+fn a_body_in_parts_is_resumed_with_other_parts() {
+    let _turn = one_at_a_time();
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let text = loaded("tet4", "");
+    run(folder, &text, "--out alone --backend sparse").done();
+    write_case(folder, "case.toml", &with_scales(&text, (3, 1)));
+    mpirun_done(folder, 4, "run case.toml --backend petsc --out parts");
+    let last = folder.join("parts/checkpoint/step-00002.bin");
+    for (above, below) in [(2, 2), (1, 1), (4, 1)] {
+        std::fs::remove_file(&last).unwrap();
+        write_case(folder, "case.toml", &with_scales(&text, (above, below)));
+        mpirun_done(folder, above + below, "run case.toml --backend petsc --out parts --resume");
+        assert_same_to_rounding(&read(folder, "parts/loads.csv"), &read(folder, "alone/loads.csv"));
+    }
+}
