@@ -10,7 +10,7 @@ use super::{Index, MatVec, MatrixOps, RankRows, Scalar, SolveError, Solver, Solv
 /// The backend is chosen at compile time. Assembly and solution code is written once, `fn assemble<B: Backend>(..)`.
 /// The methods of [`VectorOps`] and [`MatrixOps`] inline to the same instructions as a direct call of the backend. With
 /// PETSc they work on the memory of the PETSc objects and execute no more instructions than the PETSc call, except
-/// [`MatrixOps::finish`].
+/// [`VectorOps::finish`] and [`MatrixOps::finish`].
 /// `docs/overhead.md` reports the instruction counts of both cases.
 ///
 /// ```
