@@ -10,9 +10,10 @@ use crate::run::{PRESSED, events, fibers, run, write_case};
 use crate::{frozen, line};
 
 /// A body of two regions with every kind of load, of elements of one type, without networks.
-fn loaded(element: &str, output: &str) -> String {
+fn loaded(element: &str, order: usize) -> String {
+    let order = if order == 2 { "order = 2\n" } else { "" };
     format!(
-        "[mesh]\ngenerate = {{ shape = \"box\", cells = [4, 3, 2], size = [2.0, 1.5, 1.0], element = \"{element}\" }}\n\
+        "[mesh]\ngenerate = {{ shape = \"box\", cells = [4, 3, 2], size = [2.0, 1.5, 1.0], element = \"{element}\" }}\n{order}\
          [[region]]\nname = \"*\"\n\
          material = {{ model = \"neo-hookean\", shear_modulus = \"1000 + 200*x\", poisson_ratio = 0.3 }}\n\
          [[boundary]]\nsurface = \"x0\"\ndisplacement = {{ x = 0.0, y = 0.0, z = 0.0 }}\n\
@@ -22,7 +23,7 @@ fn loaded(element: &str, output: &str) -> String {
          [[point]]\nat = [2.0, 1.5, 0.0]\nforce = [0.0, 5.0, 0.0]\n\
          [[point]]\nat = [1.0, 0.0, 1.0]\ndisplacement = {{ z = 0.01 }}\n\
          [[body_force]]\nregion = \"*\"\nvalue = [0.0, 20.0, 0.0]\n\
-         [newton]\ntolerance = 1e-12\n[steps]\ncount = 2\n[output]\npoints = true\n{output}"
+         [newton]\ntolerance = 1e-12\n[steps]\ncount = 2\n[output]\npoints = true\n"
     )
 }
 
@@ -58,12 +59,11 @@ fn assert_same_points(found: &Path, expected: &Path) {
 #[test]
 fn bodies_in_parts_give_the_same_loads_and_fields() {
     let _turn = one_at_a_time();
-    for (element, solver) in
-        [("tet4", ""), ("hex20", ""), ("tet10", "solver = { method = \"cg\", preconditioner = \"multigrid\" }\n")]
-    {
+    let by_multigrid = "solver = { method = \"cg\", preconditioner = \"multigrid\" }\n";
+    for (element, order, solver) in [("tet4", 1, ""), ("hex8", 2, ""), ("tet4", 2, by_multigrid)] {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
-        let text = loaded(element, "");
+        let text = loaded(element, order);
         run(folder, &text, "--out alone --backend sparse").done();
         for (above, below) in [(2, 1), (5, 1)] {
             let text = text.replace("[newton]\n", &format!("[newton]\n{solver}"));
@@ -97,12 +97,9 @@ fn networks_of_bodies_in_parts_are_written() {
     assert_same_to_rounding(&read(folder, "parts/loads.csv"), &read(folder, "alone/loads.csv"));
     assert_same_points(&folder.join("parts/points-00002.pvtu"), &folder.join("alone/points-00002.vtu"));
     for file in ["rve/element-00001-step-00002.vtp", "rve/element-00016-step-00001.vtp", "rve/element-00004.pvd"] {
-        assert!(folder.join("parts").join(file).is_file(), "{file}");
-        assert_eq!(
-            read(folder, &format!("parts/{file}")).len(),
-            read(folder, &format!("alone/{file}")).len(),
-            "{file}"
-        );
+        // The numbers may differ in their last digits.
+        let lengths = ["parts", "alone"].map(|out| read(folder, &format!("{out}/{file}")).len());
+        assert!(lengths[0].abs_diff(lengths[1]) < lengths[1] / 50, "{file}: {lengths:?}");
     }
     let logged = ["alone", "parts"].map(|out| {
         let steps = events(&folder.join(out)).into_iter().filter(|event| event["event"] == "step");
@@ -154,7 +151,7 @@ fn a_body_in_parts_is_resumed_with_other_parts() {
     let _turn = one_at_a_time();
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    let text = loaded("tet4", "");
+    let text = loaded("tet4", 1);
     run(folder, &text, "--out alone --backend sparse").done();
     write_case(folder, "case.toml", &with_scales(&text, (3, 1)));
     mpirun_done(folder, 4, "run case.toml --backend petsc --out parts");

@@ -44,12 +44,14 @@
 //! # }
 //! ```
 
+mod attempt;
 mod body_part;
 mod error;
 mod increments;
 mod observer;
 mod params;
 mod saved;
+mod setup;
 mod system;
 
 use std::sync::Arc;
@@ -61,18 +63,13 @@ pub use observer::{ConvergedStep, FailedAttempt, Iterating, StepObserver};
 pub use params::{StepParams, StepReport, StepStart};
 pub use saved::{RestoreError, SavedState, StepperRestoreError};
 
-use super::assembly::{self, Assembler};
-use super::boundary::{Boundary, Conditions};
 use super::constraint::Constraints;
-use super::equilibrium::{BodyState, Equilibrium, EquilibriumError};
+use super::equilibrium::{BodyState, Equilibrium};
 use super::mesh::Mesh;
 use super::point_field::PointField;
 use super::reactions::BoundaryForces;
-use super::rigid_modes;
-use crate::las::{
-    Backend, Forcing, NewtonError, NewtonFailure, NewtonParams, NewtonReport, NewtonSystem, NonlinearProblem,
-    RealBackend, SolveError, SolverChoice, VectorOps,
-};
+use crate::las::{Backend, NewtonReport, NewtonSystem, RealBackend, SolverChoice};
+use attempt::Failed;
 use increments::Increments;
 pub use system::LinearSystem;
 
@@ -98,12 +95,6 @@ pub struct Stepper<B: Backend, P> {
 /// The [`SteppingError`] of a run on backend `B` with point field `P` and an observer with error `O`.
 pub type RunError<B, P, O> = SteppingError<<P as PointField>::Error, <B as Backend>::Error, O>;
 
-/// The result of an attempt or of a part of one.
-type Attempt<B, P, T> = Result<T, FailedAttemptOf<B, P>>;
-type FailedAttemptOf<B, P> = Box<Failed<<P as PointField>::Error, <B as Backend>::Error>>;
-type SolveFailure<B, P> =
-    NewtonFailure<EquilibriumError<<P as PointField>::Error, <B as Backend>::Error>, <B as Backend>::Error>;
-
 /// Receives the report of Newton's method before every iteration.
 type Watch<'a> = &'a mut dyn FnMut(&NewtonReport);
 
@@ -115,125 +106,7 @@ struct Span {
     t: f64,
 }
 
-/// The reason why an attempt failed, and the report of its Newton solve.
-struct Failed<E, F> {
-    reason: StepFailure<E, F>,
-    newton: NewtonReport,
-    /// True if smaller increments cannot help.
-    unrecoverable: bool,
-    /// True if the attempt failed at its start, so that the other start may help.
-    at_start: bool,
-}
-
 impl<B: RealBackend, P: PointField> Stepper<B, P> {
-    /// Creates a stepper with the undeformed body at `t = 0`.
-    ///
-    /// # Errors
-    /// Returns [`SetupError`] if the conditions, the mesh, the linear system or the point field prevent the setup.
-    pub fn new(
-        context: &B::Context,
-        mesh: Arc<Mesh>,
-        conditions: &Conditions,
-        field: P,
-        params: StepParams,
-    ) -> Result<Self, SetupError<P::Error, B::Error>> {
-        let order: Vec<u32> = (0..mesh.nodes().len() as u32).collect();
-        Self::in_order(&order, context, mesh, conditions, field, params)
-    }
-
-    /// Creates a stepper whose unknowns are numbered node by node in the given order, a permutation of all nodes. The
-    /// order determines which unknowns are neighboring rows of a linear system that is distributed over ranks.
-    ///
-    /// # Errors
-    /// As for [`Stepper::new`].
-    ///
-    /// # Panics
-    /// Panics if `order` does not have one entry per node or contains an index that is not a node.
-    pub fn in_order(
-        order: &[u32],
-        context: &B::Context,
-        mesh: Arc<Mesh>,
-        conditions: &Conditions,
-        field: P,
-        params: StepParams,
-    ) -> Result<Self, SetupError<P::Error, B::Error>> {
-        assert_eq!(order.len(), mesh.nodes().len(), "the order has one entry per node");
-        let boundary = Boundary::new(&mesh, conditions)?;
-        let geometry = assembly::geometry(&mesh)?;
-        rigid_modes::check(&mesh, &boundary.restraints(&mesh), boundary.kinematics().rigid_surfaces())?;
-        let fixed = boundary.fixed_components(mesh.nodes().len());
-        let constraints = Constraints::new(&mesh, &geometry, &conditions.constraints, &fixed)?;
-        let LinearSystem { unknowns, pattern, solver, choice, has_costly_factorization } =
-            LinearSystem::new::<B>(order, &mesh, &boundary, constraints.len(), &params)?;
-        let symbolic = B::analyze(context, &pattern, &solver)?;
-        let system = NewtonSystem::bordered(context, &pattern, &symbolic, constraints.len())?;
-        let mut assembler = Assembler::new(geometry, &unknowns, &system.matrix).map_err(SolveError::Backend)?;
-        assembler.locate_loads(boundary.loads(), &system.matrix).map_err(SolveError::Backend)?;
-        assembler.locate_constraints(&constraints, &system.matrix).map_err(SolveError::Backend)?;
-        let break_points = merged(boundary.break_points(), constraints.break_points());
-        let body = Equilibrium::constrained(mesh, boundary, constraints, assembler, field)?;
-        let unknowns = pattern.rows();
-        Ok(Self::assembled(body, system, (choice, has_costly_factorization), (unknowns, break_points), params))
-    }
-
-    /// Creates a stepper for a part of a body; all ranks call it, and all other methods, alike. The point field has the points
-    /// of the part; if it communicates, it must fail on all ranks if it fails on one. `context` is that of all ranks.
-    ///
-    /// # Errors
-    /// As for [`Stepper::new`]. Returns [`SolveError::Unsupported`] if the backend does not distribute systems
-    /// ([`Backend::with_rows`]).
-    pub fn on_part(
-        context: &B::Context,
-        part: BodyPart,
-        field: P,
-        params: StepParams,
-    ) -> Result<Self, SetupError<P::Error, B::Error>> {
-        let BodyPart { mesh, boundary, constraints, unknowns, rows, .. } = part;
-        let (solver, choice, has_costly_factorization) = (part.solver, part.choice, part.has_costly_factorization);
-        let (own, total) = (rows.own.len(), rows.total);
-        let context = B::with_rows(context, rows).map_err(SolveError::Backend)?.ok_or(SolveError::Unsupported {
-            backend: B::NAME,
-            what: "a linear system of which every rank holds a part",
-            cure: "use a backend that distributes systems, or let every rank hold the whole body",
-        })?;
-        let geometry = assembly::geometry(&mesh)?;
-        let pattern = Arc::new(unknowns.pattern(&mesh)?.first_rows(own));
-        let symbolic = B::analyze(&context, &pattern, &solver)?;
-        let system = NewtonSystem::bordered(&context, &pattern, &symbolic, constraints.len())?;
-        let mut assembler = Assembler::new(geometry, &unknowns, &system.matrix).map_err(SolveError::Backend)?;
-        assembler.locate_loads(boundary.loads(), &system.matrix).map_err(SolveError::Backend)?;
-        assembler.locate_constraints(&constraints, &system.matrix).map_err(SolveError::Backend)?;
-        assembler.count_own_points(&mesh);
-        let body = Equilibrium::on_part((context, total), mesh, boundary, constraints, assembler, field)?;
-        Ok(Self::assembled(body, system, (choice, has_costly_factorization), (total, part.break_points), params))
-    }
-
-    fn assembled(
-        body: Equilibrium<B, P>,
-        system: NewtonSystem<B>,
-        (choice, has_costly_factorization): (Option<SolverChoice>, bool),
-        (unknowns, break_points): (usize, Vec<f64>),
-        mut params: StepParams,
-    ) -> Self {
-        if choice.is_some() {
-            params.newton.forcing = params.newton.forcing.or_else(|| Some(Forcing::default()));
-        }
-        let increments = Increments::new(&params);
-        let reuses_factorization = has_costly_factorization && body.field().is_cheap();
-        Self {
-            body,
-            system,
-            params,
-            choice,
-            reuses_factorization,
-            unknowns,
-            completed_steps: 0,
-            increments,
-            break_points,
-            undeformed: true,
-        }
-    }
-
     /// Returns the last converged state.
     pub fn state(&self) -> &BodyState {
         self.body.committed()
@@ -399,136 +272,6 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
             constraints: self.body.constraints(),
             field: self.body.field(),
         }
-    }
-
-    /// Advances from the committed state to an equilibrium state at pseudo-time `t` in which every response continues
-    /// the committed state, all constraints hold, and no point changes its material. Material changes last, because
-    /// they are decided by the state that the step would end in. `solves` collects the reports of the converged Newton
-    /// solves.
-    fn attempt(
-        &mut self,
-        t: f64,
-        report: &mut StepReport,
-        solves: &mut Vec<NewtonReport>,
-        watch: Watch<'_>,
-    ) -> Attempt<B, P, ()> {
-        /// If responses still do not continue the committed state after this many rounds, they alternate between
-        /// branches, and only a smaller increment helps.
-        const MAX_REPLACEMENTS: usize = 5;
-        // An attempt depends on the committed state alone: not on earlier ones, which a resumed run does not repeat.
-        self.system.start_anew();
-        let own_unknowns = self.system.residual.len();
-        self.body.set_near_null_space(own_unknowns, &mut self.system.solver).map_err(|error| {
-            Self::failed(NewtonFailure { reason: NewtonError::Solve(error), report: Box::default() })
-        })?;
-        solves.push(self.start(t, report, watch)?);
-        let (mut evolutions, mut replacements, mut augmentations) = (0, 0, 0);
-        loop {
-            if self.body.verify().map_err(Self::rejected)? {
-                if replacements == MAX_REPLACEMENTS {
-                    return Err(Self::rejected(EquilibriumError::OffBranch(replacements)));
-                }
-                replacements += 1;
-                report.verification_rounds += 1;
-            } else if self.body.augment(self.params.newton.tolerance) {
-                if augmentations == self.params.max_augmentations {
-                    return Err(Self::rejected(self.body.volume_not_reached(augmentations)));
-                }
-                (augmentations, replacements) = (augmentations + 1, 0);
-                report.augmentations += 1;
-            } else if self.body.evolve().map_err(Self::rejected)? {
-                if evolutions == self.params.max_evolutions {
-                    return Err(Self::rejected(EquilibriumError::StillChanging(evolutions)));
-                }
-                (evolutions, replacements, augmentations) = (evolutions + 1, 0, 0);
-                report.evolutions += 1;
-            } else {
-                break;
-            }
-            let solved = self.system.solve_watched(&mut self.body, &self.params.newton, watch);
-            solves.push(solved.map_err(Self::failed)?);
-        }
-        self.body.check_balance(self.params.newton.tolerance).map_err(Self::rejected)
-    }
-
-    /// Solves from the committed state to pseudo-time `t` by Newton, starting from the linearization or from the
-    /// prescribed displacements, and from the other one if the chosen start fails: the tangent may be singular, and
-    /// moving only the boundary may invert the adjacent elements. The undeformed body always starts from the
-    /// linearization.
-    fn start(&mut self, t: f64, report: &mut StepReport, watch: Watch<'_>) -> Attempt<B, P, NewtonReport> {
-        let first = if self.undeformed { StepStart::Tangent } else { self.params.start };
-        match self.solve_from(first, t, report, watch) {
-            Err(failed) if failed.at_start && !self.undeformed && !failed.unrecoverable => {
-                self.body.revert().map_err(|error| Self::unrecoverable(error, NewtonReport::default()))?;
-                let second = match first {
-                    StepStart::Tangent => StepStart::Prescribed,
-                    StepStart::Prescribed => StepStart::Tangent,
-                };
-                self.solve_from(second, t, report, watch)
-            }
-            outcome => outcome,
-        }
-    }
-
-    fn solve_from(
-        &mut self,
-        start: StepStart,
-        t: f64,
-        report: &mut StepReport,
-        watch: Watch<'_>,
-    ) -> Attempt<B, P, NewtonReport> {
-        match start {
-            StepStart::Prescribed => self.body.begin_step(t),
-            StepStart::Tangent => {
-                if let Some(forcing) = self.params.newton.forcing {
-                    self.system.set_tolerance(forcing.largest);
-                }
-                let start = self.body.linearize(t, &mut self.system).map_err(|error| {
-                    Box::new(Failed {
-                        // The tangent of the undeformed body does not depend on the increment, so cutting cannot help.
-                        unrecoverable: self.undeformed || matches!(error, SolveError::Backend(_)),
-                        at_start: true,
-                        reason: NewtonError::Solve(error),
-                        newton: NewtonReport::default(),
-                    })
-                })?;
-                report.add_linearized(&start);
-            }
-        }
-        let reuse_factorization = self.reuses_factorization && start == StepStart::Tangent;
-        let newton = NewtonParams { reuse_factorization, ..self.params.newton };
-        self.system.solve_watched(&mut self.body, &newton, watch).map_err(|failure| {
-            let at_start = start == StepStart::Prescribed && Self::failed_at_first_residual(&failure);
-            Box::new(Failed { at_start, ..*Self::failed(failure) })
-        })
-    }
-
-    /// Returns true if Newton failed at its first residual for a reason that another start may avoid.
-    fn failed_at_first_residual(failure: &SolveFailure<B, P>) -> bool {
-        let undefined = match &failure.reason {
-            NewtonError::Problem(EquilibriumError::PointField(error)) => !P::is_final(error),
-            reason => matches!(reason, NewtonError::NotFinite),
-        };
-        undefined && failure.report.residuals.is_empty()
-    }
-
-    fn failed(NewtonFailure { reason, report }: SolveFailure<B, P>) -> FailedAttemptOf<B, P> {
-        let unrecoverable = match &reason {
-            NewtonError::Solve(SolveError::Backend(_)) => true,
-            NewtonError::Problem(error) => <Equilibrium<B, P> as NonlinearProblem<B>>::is_final(error),
-            _ => false,
-        };
-        Box::new(Failed { reason, newton: *report, unrecoverable, at_start: false })
-    }
-
-    /// Converts the error of a converged state that cannot be committed; a smaller increment may help.
-    fn rejected(error: EquilibriumError<P::Error, B::Error>) -> FailedAttemptOf<B, P> {
-        Self::failed(NewtonFailure { reason: NewtonError::Problem(error), report: Box::default() })
-    }
-
-    /// Converts an error of commit or revert; no further attempt is possible.
-    fn unrecoverable(error: EquilibriumError<P::Error, B::Error>, newton: NewtonReport) -> FailedAttemptOf<B, P> {
-        Box::new(Failed { reason: NewtonError::Problem(error), newton, unrecoverable: true, at_start: false })
     }
 }
 

@@ -5,10 +5,12 @@ use thiserror::Error;
 
 use super::*;
 use crate::backends::sparse::Sparse;
-use crate::fem::boundary::{BodyForce, LoadCurve, SurfaceCondition};
+use crate::fem::boundary::{BodyForce, Conditions, LoadCurve, SurfaceCondition};
+use crate::fem::equilibrium::EquilibriumError;
 use crate::fem::material::{MaterialError, NeoHookean};
 use crate::fem::mesh::shapes;
 use crate::fem::point_field::{FormulaField, PointError, PointResponses};
+use crate::las::{NewtonError, SolveError};
 
 const MATERIAL: NeoHookean = NeoHookean { mu: 3.0e3, lambda: 5.0e3 };
 

@@ -1,7 +1,9 @@
 //! Committed states: in equilibrium after material changes, and independent of the trial states.
 
 use super::*;
+use crate::fem::equilibrium::EquilibriumError;
 use crate::fem::mesh::IntegrationPoint;
+use crate::las::NewtonError;
 
 /// Elements stretched beyond `limit` permanently lose most of their stiffness, the most stretched ones first.
 struct Brittle {
