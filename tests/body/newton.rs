@@ -1,4 +1,4 @@
-//! Starts and stopping criteria of Newton's method in load steps of a body.
+//! Starts, stopping criteria and factorizations of Newton's method in load steps of a body.
 
 use std::sync::Arc;
 
@@ -8,8 +8,10 @@ use biotissue::fem::constraint::{ConstrainedVolume, ConstraintMethod, VolumeCons
 use biotissue::fem::element::ElementType;
 use biotissue::fem::material::NeoHookean;
 use biotissue::fem::mesh::shapes;
-use biotissue::fem::point_field::FormulaField;
-use biotissue::fem::stepping::{StepParams, StepStart, Stepper};
+use biotissue::fem::point_field::{FormulaField, PointError, PointField, PointResponses};
+use biotissue::fem::stepping::{StepParams, StepReport, StepStart, Stepper};
+use biotissue::las::{SolverParams, Symmetry};
+use nalgebra::Matrix3;
 
 type Run = Stepper<Sparse, FormulaField>;
 
@@ -21,6 +23,15 @@ fn conditions(constraints: Vec<VolumeConstraint>) -> Conditions {
         curve: LoadCurve::Ramp,
     };
     Conditions { surfaces: vec![moved("x0", 0.0), moved("x1", 0.3)], constraints, ..Conditions::default() }
+}
+
+fn constant_volume() -> VolumeConstraint {
+    VolumeConstraint {
+        name: "volume".into(),
+        of: ConstrainedVolume::Region("*".into()),
+        curve: None,
+        method: ConstraintMethod::Multiplier,
+    }
 }
 
 /// Returns the run after its last step, and the numbers of iterations of the steps.
@@ -57,13 +68,7 @@ fn linearized_starts_take_fewer_iterations_to_the_same_state() {
 /// With a residual tolerance of 2 %, each additional criterion alone continues the iteration toward the converged state.
 #[test]
 fn each_additional_criterion_brings_the_state_closer_to_equilibrium() {
-    let constant = VolumeConstraint {
-        name: "volume".into(),
-        of: ConstrainedVolume::Region("*".into()),
-        curve: None,
-        method: ConstraintMethod::Multiplier,
-    };
-    for constraints in [Vec::new(), vec![constant]] {
+    for constraints in [Vec::new(), vec![constant_volume()]] {
         let conditions = conditions(constraints);
         let with = |tolerance, step_tolerance, energy_tolerance| {
             let mut params = StepParams { count: 1, ..StepParams::default() };
@@ -82,4 +87,64 @@ fn each_additional_criterion_brings_the_state_closer_to_equilibrium() {
             assert!(near < 0.01 * far, "{step:?} {energy:?}: {near:e}, {far:e}");
         }
     }
+}
+
+/// Formulas that claim to take as long as networks, so that every iteration factors its own stiffness.
+struct Slow(FormulaField);
+
+impl PointField for Slow {
+    type Error = PointError;
+
+    fn update(&mut self, gradients: &[Matrix3<f64>], out: &mut PointResponses) -> Result<(), PointError> {
+        self.0.update(gradients, out)
+    }
+
+    fn commit(&mut self) -> Result<(), PointError> {
+        self.0.commit()
+    }
+
+    fn revert(&mut self) -> Result<(), PointError> {
+        self.0.revert()
+    }
+}
+
+/// Pulls a box whose factorization is costly in one step with a direct solver; the points are evaluated by the field that
+/// `wrap` makes of the formulas. Returns the forces on all surfaces and the report of the step.
+fn pull_a_large_box<P: PointField>(
+    constraints: Vec<VolumeConstraint>,
+    wrap: impl Fn(FormulaField) -> P,
+) -> (Vec<[f64; 3]>, StepReport) {
+    let mesh = shapes::cuboid([15; 3], [1.0; 3]).unwrap();
+    let field = wrap(FormulaField::uniform(NeoHookean { mu: 3.0e3, lambda: 5.0e3 }, &mesh));
+    let solver = Some(SolverParams::new(Symmetry::Definite));
+    let params = StepParams { count: 1, solver, ..StepParams::default() };
+    let mut run = Stepper::<Sparse, P>::new(&(), Arc::new(mesh), &conditions(constraints), field, params).unwrap();
+    let report = run.run(&mut ()).unwrap().swap_remove(0);
+    (run.forces().surfaces.iter().map(|surface| surface.force).collect(), report)
+}
+
+/// A linearized start factors the stiffness of the committed state. Where this is costly and the points are not, the
+/// first iteration reuses it, so that `n` iterations have `n - 1` factorizations of their own. Without the constraint, this
+/// step takes as many iterations as with `n` factorizations; with it, one more.
+#[test]
+fn the_first_iteration_reuses_the_factorization_of_the_linearized_start() {
+    for (constraints, least_saved) in [(Vec::new(), 1), (vec![constant_volume()], 0)] {
+        let (forces, report) = pull_a_large_box(constraints.clone(), |field| field);
+        let (expected, slow) = pull_a_large_box(constraints, Slow);
+        let largest = expected.as_flattened().iter().fold(0.0_f64, |most, force| most.max(force.abs()));
+        for (force, expected) in forces.as_flattened().iter().zip(expected.as_flattened()) {
+            assert!((force - expected).abs() < 1e-7 * largest, "{force} N instead of {expected} N");
+        }
+        let ([factorizations, kept], [without, none]) = (counts(&report), counts(&slow));
+        assert_eq!([factorizations, kept], [report.iterations() - 1, 1]);
+        assert_eq!([without, none], [slow.iterations(), 0]);
+        assert!(factorizations + least_saved <= without, "{factorizations} factorizations instead of {without}");
+    }
+}
+
+/// Returns the numbers of new and of reused factorizations in the Newton iterations of a step.
+fn counts(report: &StepReport) -> [usize; 2] {
+    let [solve] = &report.solves[..] else { panic!("one solution per step: {report:?}") };
+    assert_eq!((report.cuts, report.linearized), (0, 1));
+    [solve.cholesky + solve.ldlt + solve.lu, solve.kept]
 }

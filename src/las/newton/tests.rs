@@ -136,6 +136,29 @@ fn converges_quadratically_near_the_root() {
 }
 
 #[test]
+fn the_first_iteration_reuses_the_factorization_that_the_system_holds() {
+    let parabola = || equation(1.6, |x| x * x - 2.0, |x| 2.0 * x);
+    let params = NewtonParams { reuse_factorization: true, ..NewtonParams::default() };
+    let mut system = system();
+    let first = system.solve(&mut equation(1.0, |x| 4.0 * x, |_| 4.0), &params).unwrap();
+    assert_eq!((first.iterations, first.kept, first.cholesky), (1, 0, 1), "there is no factorization yet");
+
+    // With the slope 4 that the system holds, the step from 1.6 ends at 1.46; with the slope 3.2 there, at 1.425.
+    let mut problem = parabola();
+    let chord = system.solve(&mut problem, &params).unwrap();
+    assert_eq!((chord.kept, chord.cholesky), (1, chord.iterations - 1));
+    assert!((chord.residuals[1] - (1.46 * 1.46 - 2.0)).abs() < 1e-12, "{:?}", chord.residuals);
+    assert!((problem.x - 2.0_f64.sqrt()).abs() < 1e-10);
+
+    system.start_anew();
+    let mut problem = parabola();
+    let anew = system.solve(&mut problem, &params).unwrap();
+    assert_eq!((anew.kept, anew.cholesky), (0, anew.iterations));
+    assert!((anew.residuals[1] - (1.425 * 1.425 - 2.0)).abs() < 1e-12, "{:?}", anew.residuals);
+    assert!((problem.x - 2.0_f64.sqrt()).abs() < 1e-10);
+}
+
+#[test]
 fn criteria_of_the_step_and_of_its_work_add_iterations() {
     let iterations = |step_tolerance, energy_tolerance, state_scale| {
         let params = NewtonParams { tolerance: 0.5, step_tolerance, energy_tolerance, ..NewtonParams::default() };
