@@ -163,9 +163,9 @@ impl Both {
             (0..truss.bars.len()).map(|bar| truss.unknowns_of(bar).map(|k| k.map_or(-1, |k| k as i32))).collect();
         for bar in 0..truss.bars.len() {
             let unknowns: Vec<usize> = truss.unknowns_of(bar).into_iter().flatten().collect();
-            for row in unknowns.iter().filter(|row| own.contains(row)) {
+            for row in unknowns.iter().filter(|row| own.contains(*row)) {
                 columns[row - own.start].extend(unknowns.iter().copied());
-                ghosts.extend(unknowns.iter().filter(|row| !own.contains(row)).map(|&row| row as u32));
+                ghosts.extend(unknowns.iter().filter(|row| !own.contains(*row)).map(|&row| row as u32));
             }
         }
         let rows = RankRows { own, ghosts: ghosts.into_iter().collect(), total };

@@ -69,7 +69,7 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
     ///
     /// # Errors
     /// As for [`Stepper::new`]. Returns [`SolveError::Unsupported`] if the backend does not distribute systems
-    /// ([`Backend::with_rows`]).
+    /// ([`Backend::with_rows`](crate::las::Backend::with_rows)).
     pub fn on_part(
         context: &B::Context,
         part: BodyPart,
