@@ -76,6 +76,11 @@ impl FieldFiles {
         }
     }
 
+    /// Returns the result directory.
+    pub fn dir(&self) -> &Path {
+        &self.dir
+    }
+
     /// Returns true if fields are written at the end of some steps.
     pub fn are_written(&self) -> bool {
         self.every > 0

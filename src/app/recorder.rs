@@ -1,6 +1,7 @@
 //! Writes the result directory during a run.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use super::case::{Case, SurfaceLoad};
 use super::checkpoint;
@@ -63,7 +64,7 @@ pub(super) struct ResumePoint {
 /// The result directory of a run in progress.
 pub(super) struct Recorder<'a> {
     dir: PathBuf,
-    files: FieldFiles,
+    files: Arc<FieldFiles>,
     loads: LoadsWriter,
     log: LogWriter,
     fields: Collection,
@@ -82,13 +83,14 @@ impl<'a> Recorder<'a> {
     /// Creates the directory and its files. A run from the beginning removes the results of an earlier run; a resumed
     /// one keeps those up to the step that it continues from. `rves` are the integration points whose networks are written.
     pub fn open(
-        dir: &Path,
+        files: Arc<FieldFiles>,
         case: &Case,
         mesh: &Mesh,
         rves: &[usize],
         resumed: Option<&ResumePoint>,
         progress: &'a mut dyn Progress,
     ) -> Result<Self, ResultsError> {
+        let dir = files.dir();
         std::fs::create_dir_all(dir).map_err(ResultsError::write(dir))?;
         match resumed {
             // The run may have been killed before it removed the oldest checkpoints.
@@ -136,7 +138,7 @@ impl<'a> Recorder<'a> {
         }
         Ok(Self {
             dir: dir.to_owned(),
-            files: FieldFiles::new(dir, case, mesh),
+            files: Arc::clone(&files),
             loads,
             log,
             fields,

@@ -83,7 +83,8 @@ pub enum EquilibriumError<E, F> {
     },
 }
 
-/// The complete state of the body at one pseudo-time, for all nodes and all integration points.
+/// The complete state of the body at one pseudo-time, for all nodes and all integration points; that of the part of a rank if
+/// the body is divided.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BodyState {
     /// Pseudo-time.
@@ -394,7 +395,11 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
     fn evaluate_points(&mut self) -> Result<(), EquilibriumError<P::Error, B::Error>> {
         let trial = &mut self.trial;
         self.assembler.deformation_gradients(&trial.displacements, &mut trial.gradients);
-        let updated = self.field.update(&trial.gradients, &mut trial.responses);
+        let updated = match self.field.update(&trial.gradients, &mut trial.responses) {
+            // The ranks cannot communicate.
+            Err(error) if P::is_final(&error) => return Err(error.into()),
+            updated => updated,
+        };
         let mut failed = [f64::from(u8::from(updated.is_err()))];
         self.ranks.max(&mut failed).map_err(EquilibriumError::Backend)?;
         updated?;

@@ -63,7 +63,8 @@ pub struct BoundaryForces {
 }
 
 impl BoundaryForces {
-    /// Assigns the nodal forces of an equilibrium state to surfaces and points.
+    /// Assigns the nodal forces of an equilibrium state to surfaces and points. For a part of a mesh, these are the shares
+    /// of its own nodes; [`Stepper::forces`](super::stepping::Stepper::forces) returns the sums over the ranks.
     ///
     /// # Panics
     /// Panics if the state has fewer nodes than the mesh.

@@ -5,8 +5,8 @@ use std::ops::Range;
 /// The rows of a distributed linear system that one rank reads or writes.
 ///
 /// Rows are numbered globally over all ranks; each rank owns a contiguous range. On a rank, all code uses **local
-/// numbers**: first its own rows in their order, then the ghost rows, ascending by their global numbers. A pattern has one row per
-/// own row and one column per local number.
+/// numbers**: first its own rows in their order, then the ghost rows, ascending by their global numbers. A pattern has one
+/// row per own row and one column per local number.
 ///
 /// * A vector has the entries of the own rows, and copies of those of the ghost rows. Writes to ghost rows are dropped;
 ///   [`VectorOps::finish`](super::VectorOps::finish), which is collective, and solvers update the copies.

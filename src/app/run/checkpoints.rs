@@ -8,7 +8,7 @@ use crate::app::checkpoint::{self, Checkpoint, CheckpointError, Identity};
 use crate::app::results::{self, CHECKPOINT_FOLDER, ResultsError, ResultsRecord, RunProgress};
 use crate::fem::stepping::RestoreError;
 use crate::las::RealBackend;
-use crate::tissue::micro_scale::{PieceError, TissueMaterial};
+use crate::tissue::micro_scale::{FieldRestoreError, PieceError, TissueMaterial};
 
 impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
     /// Restores the newest checkpoint, if there is one.
@@ -27,9 +27,17 @@ impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
         let Checkpoint { path, state, sites, pieces, written } = checkpoint;
         let progress = RunProgress { steps: state.completed_steps, of: self.stepper.count() };
         warnings.extend(writers.on_writer(|| written.check(dir, progress))?);
-        // Of a divided body, only the ranks that hold the node would find it later.
-        if let Some(node) = state.node_not_finite() {
-            return Err(ResumeError::State(path, Box::new(RestoreError::NotFinite(node))));
+        // Of a divided body, only some ranks would find these errors later.
+        let (whole, nodes, points) = (self.stepper.mesh().whole(), state.displacements.len(), sites.statuses.len());
+        let error = if nodes != whole.nodes {
+            Some(RestoreError::Nodes { found: nodes, expected: whole.nodes })
+        } else if points != whole.points {
+            Some(RestoreError::Field(FieldRestoreError::Points { found: points, expected: whole.points }))
+        } else {
+            state.node_not_finite().map(RestoreError::NotFinite)
+        };
+        if let Some(error) = error {
+            return Err(ResumeError::State(path, Box::new(error)));
         }
         let (state, sites) = whole_state::of_part(self.stepper.mesh(), state, sites);
         let restored = self.stepper.restore(&state, |field| field.restore_units(&sites, &folder, &pieces));
@@ -105,9 +113,11 @@ impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
         })?;
         let step = state.completed_steps;
         let pieces = field.save_units(&dir.join(CHECKPOINT_FOLDER), &checkpoint::stem(step));
-        let mut whole = whole_state::gather(recorder.writers, self.stepper.mesh(), state, field.sites().saved());
+        let whole = whole_state::gather(recorder.writers, self.stepper.mesh(), state, field.sites().saved());
+        let (whole, gathered) = whole.map_or_else(|error| (None, Err(error)), |whole| (whole, Ok(())));
+        recorder.writers.agree(gathered)?;
         recorder.write(|recorder| {
-            let Some((state, sites)) = std::mem::replace(&mut whole, Ok(None))? else { return Ok(()) };
+            let Some((state, sites)) = whole else { return Ok(()) };
             checkpoint::write(dir, identity, state, written, sites, pieces?)?;
             recorder.saved(step);
             Ok(())

@@ -19,6 +19,7 @@ mod whole_state;
 mod writers;
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Instant;
 
 pub use outcome::{ResumeError, Resumed, RunError, RunSummary};
@@ -63,10 +64,7 @@ impl<B: RealBackend> Simulation<B> {
     /// # Errors
     /// Returns [`SimulationError`] if an input file cannot be read or does not match the case, or the first evaluation
     /// of the body fails.
-    pub fn new(context: B::Context, case: Case) -> Result<Self, SimulationError<B::Error>>
-    where
-        B::Context: Clone,
-    {
+    pub fn new(context: B::Context, case: Case) -> Result<Self, SimulationError<B::Error>> {
         Setup::new(context, case)?.simulation()
     }
 }
@@ -177,9 +175,12 @@ impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
             written: std::mem::take(&mut self.written),
         });
         let (case, mesh) = (&self.case, self.stepper.mesh());
-        let opened = writers
-            .on_writer(|| Recorder::open(dir, case, mesh, &self.networks, resumed.as_ref(), progress).map(Some))?;
-        let pieces = mesh.part().map(|_| FieldFiles::new(dir, case, mesh));
+        let files = Arc::new(FieldFiles::new(dir, case, mesh));
+        let of_recorder = Arc::clone(&files);
+        let opened = writers.on_writer(|| {
+            Recorder::open(of_recorder, case, mesh, &self.networks, resumed.as_ref(), progress).map(Some)
+        })?;
+        let pieces = mesh.part().map(|_| files);
         let mut recorder = AgreedRecorder { recorder: opened, pieces, writers };
         let start_of_run = Event::Start(self.start_event(completed_steps));
         recorder.write(|recorder| recorder.log(&start_of_run))?;

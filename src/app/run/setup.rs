@@ -41,7 +41,7 @@ pub enum SimulationError<F: std::error::Error + 'static> {
 pub struct Setup<B: RealBackend, M = TissueField<B>> {
     context: B::Context,
     case: Case,
-    mesh: Mesh,
+    mesh: Arc<Mesh>,
     mesh_hash: u64,
     conditions: Conditions,
     /// The part of this rank, if the body is divided.
@@ -54,10 +54,7 @@ pub struct Setup<B: RealBackend, M = TissueField<B>> {
     warnings: Vec<String>,
 }
 
-impl<B: RealBackend> Setup<B>
-where
-    B::Context: Clone,
-{
+impl<B: RealBackend> Setup<B> {
     /// Reads the mesh and the networks of a case and checks them against the case.
     ///
     /// # Errors
@@ -123,7 +120,7 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
         Ok(Self {
             context,
             case,
-            mesh: whole,
+            mesh: part.as_ref().map_or_else(|| Arc::new(whole), |part| Arc::clone(part.mesh())),
             mesh_hash,
             conditions,
             part,
@@ -169,7 +166,7 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
         &self.case
     }
 
-    /// Returns the mesh, in meters.
+    /// Returns the mesh, in meters; the part of this rank if the body is divided.
     pub fn mesh(&self) -> &Mesh {
         &self.mesh
     }
@@ -188,14 +185,10 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
         let Self { context, case, mesh, mesh_hash, conditions, part, field, networks, warnings, .. } = self;
         let params = macro_scale::step_params(&case);
         let stepper = match part {
-            Some(part) => {
-                // The evaluation of the body needs the memory.
-                drop(mesh);
-                Stepper::on_part(&context, part, field, params)
-            }
+            Some(part) => Stepper::on_part(&context, part, field, params),
             None => {
                 let order = field.node_order(&mesh);
-                Stepper::in_order(&order, &context, Arc::new(mesh), &conditions, field, params)
+                Stepper::in_order(&order, &context, mesh, &conditions, field, params)
             }
         };
         let stepper = stepper.map_err(Box::new)?;

@@ -29,7 +29,8 @@ pub(super) fn gather(
     sites: SavedSites,
 ) -> Result<Option<(SavedState, SavedSites)>, ResultsError> {
     let Some(part) = mesh.part() else { return Ok(Some((state, sites))) };
-    let own = pack(&OwnState::new(mesh, part, &state, sites)).map_err(other_rank)?;
+    // The others wait for this rank even if it cannot encode its state; the one that writes reports an empty message.
+    let own = pack(&OwnState::new(mesh, part, &state, sites)).unwrap_or_default();
     let Some(parts) = writers.gather(own)? else { return Ok(None) };
     let mut whole = SavedState { displacements: vec![[0.0; 3]; part.whole.nodes], ..state };
     let mut sites = SavedSites { statuses: vec![RveStatus::Awake; part.whole.points], asleep: Vec::new() };
@@ -63,13 +64,10 @@ impl OwnState {
     }
 }
 
-/// Returns the state of the part of this process, given that of the whole body; unchanged if the body is not divided, or if
-/// the state has another number of nodes or points, which restoring it will report.
+/// Returns the state of the part of this process, given that of the whole body, which has as many nodes and points as the
+/// whole mesh; unchanged if the body is not divided.
 pub(super) fn of_part(mesh: &Mesh, whole: SavedState, sites: SavedSites) -> (SavedState, SavedSites) {
     let Some(part) = mesh.part() else { return (whole, sites) };
-    if whole.displacements.len() != part.whole.nodes || sites.statuses.len() != part.whole.points {
-        return (whole, sites);
-    }
     let displacements = part.nodes.iter().map(|&node| whole.displacements[node as usize]).collect();
     let in_whole: Vec<usize> = (0..mesh.points().len()).map(|point| mesh.points().in_whole(point)).collect();
     let local = |rve: SleepingRve| Some(SleepingRve { point: in_whole.binary_search(&rve.point).ok()?, ..rve });

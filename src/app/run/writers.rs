@@ -1,6 +1,7 @@
 //! Which process writes the results of a run, alone or in step with others.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use crate::app::field_files::{FieldFiles, FieldState, PieceIndex};
 use crate::app::recorder::Recorder;
@@ -82,7 +83,7 @@ impl WriterGroup for () {
 pub(super) struct AgreedRecorder<'w, 'r> {
     pub(super) recorder: Option<Recorder<'r>>,
     /// The files of the part of this process, if the body is divided.
-    pub(super) pieces: Option<FieldFiles>,
+    pub(super) pieces: Option<Arc<FieldFiles>>,
     pub(super) writers: &'w dyn WriterGroup,
 }
 

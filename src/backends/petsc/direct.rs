@@ -179,6 +179,7 @@ impl Factor {
             let (pc, mut reason) = (self.ksp.pc(), 0);
             // SAFETY: a live object.
             call(|| unsafe { ffi::PCGetFailedReason(pc, &raw mut reason) })?;
+            let reason = a.context.largest_code(reason);
             found.failure = (reason != 0).then_some(Failure::Other([reason, 0]));
             found.aborted = reason != 0;
             return Ok(found);

@@ -61,6 +61,8 @@ impl ByIterations {
         let (pc, mut reason) = (self.ksp.pc(), 0);
         // SAFETY: a live object.
         call(|| unsafe { ffi::PCGetFailedReason(pc, &raw mut reason) })?;
+        // A local block may fail on one rank alone.
+        let reason = a.context.largest_code(reason);
         if reason == 0 {
             return Ok(());
         }

@@ -50,6 +50,12 @@ impl Context {
         values[0]
     }
 
+    /// Returns the largest of the codes of all parts.
+    pub(super) fn largest_code(&self, code: i32) -> i32 {
+        self.parts()
+            .map_or(code, |parts| parts.comm().all_gather(&[i64::from(code)]).into_iter().max().unwrap_or(0) as i32)
+    }
+
     /// Returns true if a statement holds for all parts.
     pub(super) fn holds_for_all(&self, statement: bool) -> bool {
         self.parts().map_or(statement, |parts| parts.comm().all_gather(&[u8::from(statement)]).iter().all(|&x| x == 1))

@@ -81,7 +81,8 @@ pub trait Load: Debug + Send + Sync {
     /// nodes, and what it adds on ghosts is ignored. `None` if it acts on no own node.
     ///
     /// # Errors
-    /// Returns [`Indivisible`] if there is no such load, which is the default; every rank then holds the whole body.
+    /// Returns [`Indivisible`] if there is no such load, which is the default; every rank then holds the whole body. This
+    /// must not depend on the part.
     fn on_part(&self, part: &Part) -> Result<Option<Box<dyn Load>>, Indivisible> {
         let _ = part;
         Err(Indivisible)

@@ -202,8 +202,7 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
         let states = self.trial.volumes.iter_mut().zip(&mut self.volumes.gradients);
         for (constraint, (state, gradient)) in self.volumes.constraints.iter().zip(states) {
             let committed = constraint.evaluate(geometry, &self.committed.displacements, gradient);
-            let product = |node: usize| gradient[node].iter().zip(increments[node]).map(|(slope, du)| slope * du).sum();
-            state.volume = committed + self.ranks.over_own(gradient.len(), product);
+            state.volume = committed + self.ranks.product(gradient, increments);
         }
         self.sum_volumes();
         for (j, (constraint, state)) in self.volumes.with(&self.trial.volumes).enumerate() {

@@ -69,7 +69,7 @@ impl<B: RealBackend, P: PointField> NonlinearProblem<B> for Equilibrium<B, P> {
     /// Changes below `1e-8` of the displacements are due to rounding.
     fn state_scale(&self) -> Option<f64> {
         let (new, old) = (&self.trial.displacements, &self.committed.displacements);
-        let change = |node: usize| new[node].iter().zip(&old[node]).map(|(new, old)| (new - old).powi(2)).sum();
+        let change = |node: usize, component: usize| (new[node][component] - old[node][component]).powi(2);
         let mut squares = [self.ranks.over_own(new.len(), change), self.ranks.squares(new)];
         // A NaN is no small step.
         self.ranks.sum(&mut squares).map_or(Some(f64::NAN), |()| Some(squares[0].sqrt().max(1e-8 * squares[1].sqrt())))

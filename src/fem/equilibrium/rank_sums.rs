@@ -1,5 +1,6 @@
 //! Sums over the nodes of a body, of which each rank may hold a part.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use super::NODES_PER_CHUNK;
@@ -54,22 +55,29 @@ impl<B: Backend> RankSums<B> {
         self.divided.as_ref().map_or(own, |divided| divided.unknowns)
     }
 
-    /// Returns the sum of `squares(node)` over the own nodes, in an order that does not depend on the number of threads;
-    /// there are `nodes` nodes.
-    pub fn over_own(&self, nodes: usize, squares: impl Fn(usize) -> f64 + Sync + Send) -> f64 {
+    /// Returns the sum of `value(node, component)` over the own nodes, in an order that does not depend on the number of
+    /// threads; there are `nodes` nodes.
+    pub fn over_own(&self, nodes: usize, value: impl Fn(usize, usize) -> f64 + Sync + Send) -> f64 {
         let starts = (0..nodes).step_by(NODES_PER_CHUNK);
-        let of_chunk = |start: usize| -> f64 {
-            let chunk = start..nodes.min(start + NODES_PER_CHUNK);
-            match &self.divided {
-                None => chunk.map(&squares).sum(),
-                Some(Divided { part, .. }) => chunk.filter(|&node| part.is_own_node[node]).map(&squares).sum(),
-            }
-        };
+        let of_chunk = |start: usize| self.over_range(start..nodes.min(start + NODES_PER_CHUNK), &value);
         parallel::map(starts, of_chunk).into_iter().sum()
+    }
+
+    fn over_range(&self, nodes: Range<usize>, value: impl Fn(usize, usize) -> f64) -> f64 {
+        let components = |node| [0, 1, 2].map(|component| value(node, component));
+        match &self.divided {
+            None => nodes.flat_map(components).sum(),
+            Some(Divided { part, .. }) => nodes.filter(|&node| part.is_own_node[node]).flat_map(components).sum(),
+        }
     }
 
     /// Returns the sum of the squares of vectors at the own nodes.
     pub fn squares(&self, vectors: &[[f64; 3]]) -> f64 {
-        self.over_own(vectors.len(), |node| vectors[node].iter().map(|x| x * x).sum())
+        self.over_own(vectors.len(), |node, component| vectors[node][component] * vectors[node][component])
+    }
+
+    /// Returns the sum of the products of vectors at the own nodes.
+    pub fn product(&self, a: &[[f64; 3]], b: &[[f64; 3]]) -> f64 {
+        self.over_range(0..a.len(), |node, component| a[node][component] * b[node][component])
     }
 }

@@ -131,6 +131,8 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
     fn failed_at_first_residual(failure: &SolveFailure<B, P>) -> bool {
         let undefined = match &failure.reason {
             NewtonError::Problem(EquilibriumError::PointField(error)) => !P::is_final(error),
+            // The ranks of a divided body must decide alike.
+            NewtonError::Problem(EquilibriumError::OtherRank) => true,
             reason => matches!(reason, NewtonError::NotFinite),
         };
         undefined && failure.report.residuals.is_empty()

@@ -4,11 +4,12 @@ use std::sync::Arc;
 
 use super::system::LinearSystem;
 use super::{SetupError, StepParams, merged};
-use crate::fem::assembly::{self, Unknowns};
+use crate::fem::assembly::{self, Geometry, Unknowns};
 use crate::fem::boundary::{Boundary, Conditions};
 use crate::fem::constraint::Constraints;
 use crate::fem::mesh::{Division, Mesh};
-use crate::las::{Backend, RankRows, SolverChoice, SolverParams};
+use crate::fem::rigid_modes;
+use crate::las::{Backend, RankRows, SolverChoice, SolverParams, Sparsity};
 
 /// The part of a body that one rank holds, with its rows of the linear system, ready for
 /// [`Stepper::on_part`](super::Stepper::on_part). Of the whole body it keeps nothing but numbers.
@@ -19,6 +20,8 @@ pub struct BodyPart {
     pub(super) constraints: Constraints,
     /// The unknowns of the part, by local numbers.
     pub(super) unknowns: Unknowns,
+    pub(super) geometry: Geometry,
+    pub(super) pattern: Arc<Sparsity>,
     pub(super) rows: RankRows,
     pub(super) solver: SolverParams,
     pub(super) choice: Option<SolverChoice>,
@@ -27,11 +30,13 @@ pub struct BodyPart {
 }
 
 impl BodyPart {
-    /// Divides a body. `boundary` holds the conditions, resolved on the whole mesh. Every rank passes the same body and keeps the part of
-    /// `rank`; nothing is communicated. `None` if the body cannot be divided: one with loads that cannot ([`Load::on_part`](crate::fem::boundary::Load::on_part)); every rank then holds the whole body.
+    /// Divides a body. `boundary` holds the conditions, resolved on the whole mesh. Every rank passes the same body and
+    /// keeps the part of `rank`; nothing is communicated. `None` if the body has loads that cannot be divided
+    /// ([`Load::on_part`](crate::fem::boundary::Load::on_part)); every rank then holds the whole body.
     ///
     /// # Errors
-    /// Returns [`SetupError`] if the linear system would be too large, or a constraint cannot be imposed.
+    /// Returns [`SetupError`] if the linear system would be too large, a constraint cannot be imposed, or the conditions
+    /// leave a rigid-body mode.
     ///
     /// # Panics
     /// Panics if the division is not one of this mesh.
@@ -53,11 +58,16 @@ impl BodyPart {
             let (geometry, fixed) = (assembly::geometry(mesh)?, boundary.fixed_components(mesh.nodes().len()));
             Constraints::new(mesh, &geometry, &conditions.constraints, &fixed)?.on_part(&of_part)
         };
+        rigid_modes::check(mesh, &boundary.restraints(mesh), boundary.kinematics().rigid_surfaces())?;
         let system = LinearSystem::new::<B>(&order, mesh, boundary, constraints.len(), params)?;
         let (unknowns, rows) = system.unknowns.on_part(division, part, own_boundary.kinematics());
+        let (geometry, pattern) =
+            (assembly::geometry(&of_part)?, unknowns.pattern(&of_part)?.first_rows(rows.own.len()));
         Ok(Some(Self {
             boundary: own_boundary,
             unknowns,
+            geometry,
+            pattern: Arc::new(pattern),
             rows,
             solver: system.solver,
             choice: system.choice,

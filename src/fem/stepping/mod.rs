@@ -107,12 +107,13 @@ struct Span {
 }
 
 impl<B: RealBackend, P: PointField> Stepper<B, P> {
-    /// Returns the last converged state.
+    /// Returns the last converged state; that of the part if the body is divided.
     pub fn state(&self) -> &BodyState {
         self.body.committed()
     }
 
-    /// Returns the surface and point forces in the last converged state.
+    /// Returns the surface and point forces in the last converged state. Collective if the body is divided; see
+    /// [`Equilibrium::forces`].
     pub fn forces(&self) -> BoundaryForces {
         self.body.forces()
     }
@@ -127,7 +128,7 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
         self.body.field()
     }
 
-    /// Returns the mesh.
+    /// Returns the mesh; the part of this rank if the body is divided.
     pub fn mesh(&self) -> &Arc<Mesh> {
         self.body.mesh()
     }

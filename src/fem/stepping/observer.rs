@@ -60,7 +60,8 @@ pub struct Iterating<'a> {
     pub newton: &'a NewtonReport,
 }
 
-/// A converged full step; increments are only counted.
+/// A converged full step; increments are only counted. Mesh, state and field are those of the part of this rank if the body
+/// is divided, all else is that of the whole body.
 #[derive(Debug)]
 pub struct ConvergedStep<'a, P> {
     /// The step, from 1.

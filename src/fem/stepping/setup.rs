@@ -76,16 +76,14 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
         field: P,
         params: StepParams,
     ) -> Result<Self, SetupError<P::Error, B::Error>> {
-        let BodyPart { mesh, boundary, constraints, unknowns, rows, .. } = part;
+        let BodyPart { mesh, boundary, constraints, unknowns, geometry, pattern, rows, .. } = part;
         let (solver, choice, has_costly_factorization) = (part.solver, part.choice, part.has_costly_factorization);
-        let (own, total) = (rows.own.len(), rows.total);
+        let total = rows.total;
         let context = B::with_rows(context, rows).map_err(SolveError::Backend)?.ok_or(SolveError::Unsupported {
             backend: B::NAME,
             what: "a linear system of which every rank holds a part",
             cure: "use a backend that distributes systems, or let every rank hold the whole body",
         })?;
-        let geometry = assembly::geometry(&mesh)?;
-        let pattern = Arc::new(unknowns.pattern(&mesh)?.first_rows(own));
         let symbolic = B::analyze(&context, &pattern, &solver)?;
         let system = NewtonSystem::bordered(&context, &pattern, &symbolic, constraints.len())?;
         let assembler = assembler(geometry, &unknowns, &boundary, &constraints, &system.matrix);

@@ -2,6 +2,8 @@
 
 use std::collections::HashMap;
 
+use bytemuck::{AnyBitPattern, NoUninit};
+
 use crate::coupling::UnitId;
 use crate::fem::mesh::{Mesh, Part};
 use crate::las::{Comm, Message, SendRequest, Tag};
@@ -95,6 +97,9 @@ impl<C: Comm> DividedBody<C> {
 
     /// Appends to the responses of own points those of ghosts. Collective.
     pub fn exchange_ghosts(&self, responses: &mut Vec<RveResponse>) -> Result<(), TwoScaleError> {
+        if self.counts.rves == 0 {
+            return Ok(());
+        }
         let own: HashMap<UnitId, usize> =
             responses.iter().enumerate().map(|(number, response)| (response.point, number)).collect();
         let number_of: HashMap<usize, usize> =
@@ -113,12 +118,12 @@ impl<C: Comm> DividedBody<C> {
         Ok(())
     }
 
-    /// Gathers the numbers of all ranks, in the order of ranks. Collective.
-    pub fn gather(&self, own: &[f64]) -> Result<Vec<f64>, TwoScaleError> {
+    /// Gathers the values of all ranks, in the order of ranks. Collective.
+    pub fn gather<T: AnyBitPattern + NoUninit>(&self, own: &[T]) -> Result<Vec<T>, TwoScaleError> {
         let all = self.comm.gather_all(Message::of(own))?;
         let mut joined = Vec::new();
         for message in &all {
-            joined.extend_from_slice(message.values::<f64>().ok_or(TwoScaleError::Protocol)?);
+            joined.extend_from_slice(message.values::<T>().ok_or(TwoScaleError::Protocol)?);
         }
         Ok(joined)
     }

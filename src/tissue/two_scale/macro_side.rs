@@ -41,7 +41,7 @@ pub struct ScaleField<'a, C: Comm, B: Backend> {
 struct Reports {
     /// One entry per point.
     units: Vec<Option<UnitReport>>,
-    /// The deformed networks that are part of the output, of all points.
+    /// The deformed networks that are part of the output, of all points, on the root.
     networks: HashMap<UnitId, DeformedNetwork>,
     stats: Mutex<RveStats>,
     times: Mutex<Vec<Vec<RankTimes>>>,
@@ -136,8 +136,6 @@ impl<'a, C: Comm, B: RealBackend> ScaleField<'a, C, B> {
     fn exchange_update(&mut self, deleted: &[usize], created: &[usize]) -> Result<(), TwoScaleError> {
         for &point in deleted {
             self.reports.units[point] = None;
-            let unit = self.unit(point);
-            self.reports.networks.remove(&unit);
         }
         let own =
             |points: &[usize]| -> Vec<usize> { points.iter().copied().filter(|&point| self.is_own(point)).collect() };
@@ -145,7 +143,11 @@ impl<'a, C: Comm, B: RealBackend> ScaleField<'a, C, B> {
             .into_iter()
             .map(|point| (self.unit(point), self.sites.region(point), self.sites.locate(point)));
         let created = created.collect();
-        let deleted = own(deleted).into_iter().map(|point| self.unit(point)).collect();
+        let deleted: Vec<UnitId> = own(deleted).into_iter().map(|point| self.unit(point)).collect();
+        let of_all_ranks = self.divided.as_ref().map(|divided| divided.gather(&deleted)).transpose()?;
+        for unit in of_all_ranks.as_ref().unwrap_or(&deleted) {
+            self.reports.networks.remove(unit);
+        }
         self.micro.update_rves(&RveUpdate { deleted, created })
     }
 
@@ -210,12 +212,14 @@ impl<'a, C: Comm, B: RealBackend> ScaleField<'a, C, B> {
     /// Ends a step on the micro scale and stores its reports.
     fn end_step(&mut self, converged: bool) -> Result<(), TwoScaleError> {
         let (reports, iterations) = self.micro.end_step(converged)?;
+        let is_root = self.micro.scales.comm().rank() == 0;
         let mut stats = RveStats::default();
         self.reports.bytes = reports.iter().map(|report| report.bytes).sum();
         for (report, &rank) in reports.into_iter().zip(self.micro.ranks()) {
             stats = stats.merge(report.stats);
             for mut unit in report.units {
-                if let Some(network) = unit.network.take() {
+                // The root writes the networks.
+                if let Some(network) = unit.network.take().filter(|_| is_root) {
                     self.reports.networks.insert(unit.point, network);
                 }
                 if let Some(point) = self.point_of(unit.point) {
@@ -226,7 +230,9 @@ impl<'a, C: Comm, B: RealBackend> ScaleField<'a, C, B> {
         }
         let reports = self.reports.stats.get_mut().unwrap_or_else(PoisonError::into_inner);
         *reports = reports.merge(stats);
-        self.reports.times.get_mut().unwrap_or_else(PoisonError::into_inner).extend(iterations);
+        if is_root {
+            self.reports.times.get_mut().unwrap_or_else(PoisonError::into_inner).extend(iterations);
+        }
         self.micro.restart_clock();
         Ok(())
     }
