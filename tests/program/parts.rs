@@ -1,11 +1,12 @@
 //! Bodies of which each rank of PETSc holds a part: the same results as in one process, at every point and in every file.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use biotissue::app::results::{PointValues, read_points};
 
 use crate::ranks::processes::{assert_same_to_rounding, launched, mpirun_done, one_at_a_time};
-use crate::ranks::{read, with_scales};
+use crate::ranks::{read, with_life_cycles, with_scales};
 use crate::run::{PRESSED, events, fibers, run, write_case};
 use crate::{frozen, line};
 
@@ -162,4 +163,23 @@ fn a_body_in_parts_is_resumed_with_other_parts() {
         mpirun_done(folder, above + below, "run case.toml --backend petsc --out parts --resume");
         assert_same_to_rounding(&read(folder, "parts/loads.csv"), &read(folder, "alone/loads.csv"));
     }
+}
+
+/// The networks of an RVE are written as long as it exists, whichever rank holds its element.
+#[test]
+fn networks_of_deleted_rves_are_not_written() {
+    let _turn = one_at_a_time();
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let text = with_life_cycles() + "[output]\nrve = \"all\"\n";
+    run(folder, &text, "--out alone --backend sparse").done();
+    write_case(folder, "case.toml", &with_scales(&text, (3, 1)));
+    mpirun_done(folder, 4, "run case.toml --backend petsc --out parts");
+    let written = |out: &str| -> BTreeSet<String> {
+        let entries = std::fs::read_dir(folder.join(out).join("rve")).unwrap();
+        entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect()
+    };
+    let alone = written("alone");
+    assert!(alone.iter().any(|name| name.contains("step-00009")) && !alone.is_empty());
+    assert_eq!(written("parts"), alone);
 }
