@@ -100,10 +100,9 @@ impl<C: Comm> DividedBody<C> {
         if self.counts.rves == 0 {
             return Ok(());
         }
-        let own: HashMap<UnitId, usize> =
-            responses.iter().enumerate().map(|(number, response)| (response.point, number)).collect();
+        let numbered = responses.iter().enumerate();
         let number_of: HashMap<usize, usize> =
-            own.into_iter().filter_map(|(unit, number)| Some((self.point_of(unit)?, number))).collect();
+            numbered.filter_map(|(number, response)| Some((self.point_of(response.point)?, number))).collect();
         let mut pending = Vec::with_capacity(self.wanted.len());
         for (rank, points) in &self.wanted {
             let sent: Vec<RveResponse> =
