@@ -48,6 +48,17 @@ pub(crate) fn map<I: Send, R: Send>(
     chunks.into_par_iter().map(work).collect()
 }
 
+/// Returns `len` copies of a value. With several threads each writes a part, because the first write to memory takes much
+/// longer than later ones.
+pub(crate) fn filled<T: Clone + Send + Sync>(value: T, len: usize) -> Vec<T> {
+    /// The number of bytes from which the parts take longer than dividing the work.
+    const LARGE: usize = 1 << 20;
+    if threads() == 1 || len.saturating_mul(size_of::<T>()) < LARGE {
+        return vec![value; len];
+    }
+    rayon::iter::repeat_n(value, len).collect()
+}
+
 /// Calls `work` with every chunk.
 ///
 /// # Errors

@@ -113,7 +113,7 @@ impl BodyState {
             t: 0.0,
             displacements: vec![[0.0; 3]; nodes],
             rigid: vec![RigidMotion::default(); boundary.kinematics().rigid_surfaces().len()],
-            gradients: vec![Matrix3::identity(); points],
+            gradients: parallel::filled(Matrix3::identity(), points),
             responses: PointResponses::zeros(points),
             internal: vec![[0.0; 3]; nodes],
             external: vec![[0.0; 3]; nodes],
@@ -202,12 +202,12 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
         assembler: Assembler<B>,
         field: P,
     ) -> Result<Self, EquilibriumError<P::Error, B::Error>> {
-        let trial = BodyState::undeformed(&mesh, &boundary, constraints.len());
+        let [trial, committed] = [0; 2].map(|_| BodyState::undeformed(&mesh, &boundary, constraints.len()));
         let volumes = Volumes::new(constraints, mesh.nodes().len());
         let mut steepest = [assembler.geometry().steepest_gradient()];
         ranks.max(&mut steepest).map_err(EquilibriumError::Backend)?;
         let mut body = Self {
-            committed: trial.clone(),
+            committed,
             saved: (trial.displacements.clone(), trial.rigid.clone()),
             nodal: trial.displacements.clone(),
             volumes,

@@ -27,9 +27,11 @@ pub struct PointResponses {
 impl PointResponses {
     /// Creates zero responses of `points` points.
     pub fn zeros(points: usize) -> Self {
-        let mut responses = Self::default();
-        responses.resize(points);
-        responses
+        Self {
+            energy: parallel::filled(0.0, points),
+            pk1: parallel::filled(Matrix3::zeros(), points),
+            tangent: parallel::filled(SMatrix::zeros(), points),
+        }
     }
 
     /// Resizes to `points` points; new entries are zero.

@@ -73,8 +73,8 @@ pub(super) struct BlockMatrix<T> {
     pub values: Vec<T>,
 }
 
-/// The number of block rows that a task processes.
-const ROWS_PER_TASK: usize = 4096;
+/// The number of block rows that a task processes. Coarse levels have few rows, each of many and large blocks.
+const ROWS_PER_TASK: usize = 1024;
 
 /// The number of entries that a task copies.
 const ENTRIES_PER_TASK: usize = 1 << 15;

@@ -4,6 +4,9 @@ use super::blocks::{BlockMatrix, vectorized, with_sizes};
 use super::prolongation::add_product;
 use crate::parallel;
 
+/// The least number of coarse rows of a task. Tasks repeat the products of fine rows that belong to several of them.
+const LEAST_ROWS: usize = 16;
+
 /// The number of coarse rows whose pattern a task computes.
 const ROWS_PER_TASK: usize = 1024;
 
@@ -19,7 +22,7 @@ pub(super) fn zeros<T: Sync>(a: &BlockMatrix<f64>, p: &BlockMatrix<f64>, r: &Blo
 /// that the sums do not depend on the number of tasks.
 pub(super) fn compute(a: &BlockMatrix<f64>, p: &BlockMatrix<f64>, coarse: &mut BlockMatrix<f64>) {
     let k = p.size.1;
-    let tasks = parallel::threads().min(coarse.rows() / 64).max(1);
+    let tasks = parallel::threads().min(coarse.rows() / LEAST_ROWS).max(1);
     let ends = balanced(&coarse.offsets, tasks);
     let BlockMatrix { offsets, columns, values, .. } = coarse;
     let (offsets, columns) = (&*offsets, &*columns);
