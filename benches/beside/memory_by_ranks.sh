@@ -1,14 +1,18 @@
 #!/usr/bin/env bash
-# Runs the cube of run.sh on PETSc with 1, 2, 4 and 8 ranks of the macro scale, and prints for each the greatest memory of
-# one of them, the same without what a body of a few elements takes (the libraries), and the greatest difference of a
-# reaction from that on one rank, relative to the greatest reaction. The argument is the number of cells along a side; by
-# default 40.
+# Runs the cube of run.sh on PETSc with several numbers of ranks of the macro scale, and prints for each the greatest memory
+# of one rank, the same without what a body of a few elements takes (the libraries), and the greatest difference of a reaction
+# from that of the first number, relative to the greatest reaction. The arguments are the number of cells along a side, by
+# default 40, and the numbers of ranks, by default 1 2 4 8.
 #
 # Needs MPI, PETSc and the command `time`, as the tests do (scripts/test.sh installs them).
 set -euo pipefail
 cd "$(dirname "$0")"
 
 cells=${1:-40}
+numbers=("${@:2}")
+if [ ${#numbers[@]} -eq 0 ]; then
+    numbers=(1 2 4 8)
+fi
 export OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1
 (cd ../.. && cargo build --quiet --release --features petsc,metis)
 program=${CARGO_TARGET_DIR:-$PWD/../../target}/release/biotissue
@@ -59,12 +63,12 @@ run_on() { # run_on CELLS MACRO_RANKS
 
 libraries=$(run_on 2 1)
 echo "libraries: $((libraries / 1000)) MB"
-for macro in 1 2 4 8; do
+for macro in "${numbers[@]}"; do
     start=$(date +%s.%N)
     memory=$(run_on "$cells" "$macro")
     wall=$(awk -v start="$start" -v end="$(date +%s.%N)" 'BEGIN { print end - start }')
     cp "$folder/out/loads.csv" "$folder/loads.$macro"
-    paste -d '\n' "$folder/loads.1" "$folder/loads.$macro" | tail -n 2 | tr ',' ' ' | awk \
+    paste -d '\n' "$folder/loads.${numbers[0]}" "$folder/loads.$macro" | tail -n 2 | tr ',' ' ' | awk \
         -v cells="$cells" -v macro="$macro" -v memory="$memory" -v libraries="$libraries" -v wall="$wall" '
         NR == 1 { for (i = 1; i <= NF; i++) one[i] = $i }
         NR == 2 {
