@@ -7,6 +7,7 @@
 # Needs MPI, PETSc and the command `time`, as the tests do (scripts/test.sh installs them).
 set -euo pipefail
 cd "$(dirname "$0")"
+source box.sh
 
 cells=${1:-40}
 numbers=("${@:2}")
@@ -20,25 +21,11 @@ folder=$(mktemp -d)
 trap 'rm -r "$folder"' EXIT
 
 write_case() { # write_case CELLS MACRO_RANKS
-    cat >"$folder/box.toml" <<CASE
-[mesh]
-generate = { shape = "box", cells = [$1, $1, $1], size = [1.0, 1.0, 1.0] }
-[[region]]
-name = "*"
-material = { model = "neo-hookean", youngs_modulus = 1.0e6, poisson_ratio = 0.3 }
-[[boundary]]
-surface = "x0"
-displacement = { x = 0.0, y = 0.0, z = 0.0 }
-[[boundary]]
-surface = "x1"
-displacement = { x = 0.3, y = 0.0, z = 0.0 }
-[steps]
-count = 3
+    write_box "$folder/box.toml" "$1"
+    cat >>"$folder/box.toml" <<CASE
 [newton]
 tolerance = 1e-11
 solver = { method = "cg", preconditioner = "multigrid" }
-[output]
-every = 0
 [scales]
 macro = $2
 micro = 1

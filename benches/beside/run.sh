@@ -6,6 +6,7 @@
 # Needs Debian's python3-dolfinx-real and the command `time`. PYTHON is the interpreter that imports dolfinx.
 set -euo pipefail
 cd "$(dirname "$0")"
+source box.sh
 
 python=${PYTHON:-/usr/bin/python3}
 # One thread for the libraries of dolfinx.
@@ -29,23 +30,7 @@ if [ $# -eq 0 ]; then
     set -- 20 40
 fi
 for cells in "$@"; do
-    cat >"$folder/box.toml" <<CASE
-[mesh]
-generate = { shape = "box", cells = [$cells, $cells, $cells], size = [1.0, 1.0, 1.0] }
-[[region]]
-name = "*"
-material = { model = "neo-hookean", youngs_modulus = 1.0e6, poisson_ratio = 0.3 }
-[[boundary]]
-surface = "x0"
-displacement = { x = 0.0, y = 0.0, z = 0.0 }
-[[boundary]]
-surface = "x1"
-displacement = { x = 0.3, y = 0.0, z = 0.0 }
-[steps]
-count = 3
-[output]
-every = 0
-CASE
+    write_box "$folder/box.toml" "$cells"
     for threads in 1 2; do
         measured "$cells cells, biotissue, $threads thread(s)" "$program" run "$folder/box.toml" --threads "$threads"
     done

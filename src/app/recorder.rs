@@ -192,7 +192,7 @@ impl<'a> Recorder<'a> {
 
     /// Writes the fields and the networks of a state. In a divided body, the ranks have written the pieces, and `index`
     /// names them.
-    fn write_fields<M: TissueMaterial>(
+    pub fn write_fields<M: TissueMaterial>(
         &mut self,
         of: &FieldState<'_, M>,
         index: Option<&PieceIndex>,
@@ -247,15 +247,6 @@ impl<'a> Recorder<'a> {
     pub fn lacks_fields(&self, t: f64) -> bool {
         let written = self.fields.entries().last().map_or(0.0, |entry| entry.time);
         self.files.are_written() && t > written
-    }
-
-    /// Writes the fields of the last converged state.
-    pub fn write_last<M: TissueMaterial>(
-        &mut self,
-        of: &FieldState<'_, M>,
-        index: Option<&PieceIndex>,
-    ) -> Result<(), ResultsError> {
-        self.write_fields(of, index)
     }
 }
 

@@ -114,7 +114,7 @@ impl<'r> AgreedRecorder<'_, 'r> {
             return Ok(());
         }
         let index = self.write_pieces(of)?;
-        self.write(|recorder| recorder.write_last(of, index.as_ref()))
+        self.write(|recorder| recorder.write_fields(of, index.as_ref()))
     }
 
     /// Returns true on all processes if the observer of the run wants it to end before its next load step.
