@@ -48,6 +48,16 @@ pub(crate) fn map<I: Send, R: Send>(
     chunks.into_par_iter().map(work).collect()
 }
 
+/// Divides `values` into consecutive slices of the given lengths, the sum of which is theirs.
+pub(crate) fn split<T>(mut values: &mut [T], lengths: impl IntoIterator<Item = usize>) -> Vec<&mut [T]> {
+    let parts = lengths.into_iter().map(|length| {
+        let (part, rest) = std::mem::take(&mut values).split_at_mut(length);
+        values = rest;
+        part
+    });
+    parts.collect()
+}
+
 /// Returns `len` copies of a value. With several threads each writes a part, because the first write to memory takes much
 /// longer than later ones.
 pub(crate) fn filled<T: Clone + Send + Sync>(value: T, len: usize) -> Vec<T> {
@@ -58,6 +68,34 @@ pub(crate) fn filled<T: Clone + Send + Sync>(value: T, len: usize) -> Vec<T> {
     }
     rayon::iter::repeat_n(value, len).collect()
 }
+
+/// Returns the results of `work` for `0..len`, in order.
+pub(crate) fn collect<R: Send>(len: usize, work: impl Fn(usize) -> R + Sync + Send) -> Vec<R> {
+    if threads() == 1 || len < LEAST_ITEMS {
+        return (0..len).map(work).collect();
+    }
+    (0..len).into_par_iter().with_min_len(LEAST_ITEMS).map(work).collect()
+}
+
+/// Returns the results of `work` for `0..len`, in order.
+///
+/// # Errors
+/// Returns the error of the first number, in order, that has one. After an error, `work` is called again.
+pub(crate) fn try_collect<R: Send, E: Send>(
+    len: usize,
+    work: impl Fn(usize) -> Result<R, E> + Sync + Send,
+) -> Result<Vec<R>, E> {
+    if threads() > 1 && len >= LEAST_ITEMS {
+        let all: Result<Vec<R>, E> = (0..len).into_par_iter().with_min_len(LEAST_ITEMS).map(&work).collect();
+        if all.is_ok() {
+            return all;
+        }
+    }
+    (0..len).map(work).collect()
+}
+
+/// The least number of items of a task that takes less than a microsecond for each.
+const LEAST_ITEMS: usize = 1024;
 
 /// Calls `work` with every chunk.
 ///
@@ -99,6 +137,11 @@ pub(crate) mod tests {
             assert_eq!(on_pools(|| try_each(0..1000, fails_at)), [Err(37); 3]);
         }
         assert_eq!(on_pools(|| try_each(0..1000, |_| Ok::<(), ()>(()))), [Ok(()); 3]);
+        for squares in on_pools(|| [collect(10_000, |k| k * k), try_collect(10_000, |k| Ok::<_, ()>(k * k)).unwrap()]) {
+            assert!(squares.iter().all(|squares| squares.iter().enumerate().all(|(k, &square)| square == k * k)));
+        }
+        let fails_late = |k: usize| if k % 5000 == 3777 { Err(k) } else { Ok(()) };
+        assert_eq!(on_pools(|| try_collect(10_000, fails_late)), [const { Err(3777) }; 3]);
     }
 
     #[test]

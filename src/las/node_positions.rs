@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use super::Sparsity;
+use crate::parallel;
 
 /// The positions of square blocks that couple nodes with three unknowns each.
 ///
@@ -68,6 +69,9 @@ impl NodePositions {
     /// Number of blocks whose positions have one range.
     pub const GROUP: usize = 64;
 
+    /// Number of blocks that a task locates.
+    const PER_TASK: usize = 2048;
+
     /// Locates blocks of `size` unknowns, whose indices follow each other block by block, three per node. Returns
     /// `None` if the unknowns of a node are not consecutive, if its rows have different columns, or if an entry is not
     /// in the pattern.
@@ -77,30 +81,36 @@ impl NodePositions {
             return None;
         }
         let nodes = size / 3;
-        let is_as_before: Vec<bool> =
-            (0..pattern.rows()).map(|row| row > 0 && pattern.row(row) == pattern.row(row - 1)).collect();
+        let is_as_before = parallel::collect(pattern.rows(), |row| row > 0 && pattern.row(row) == pattern.row(row - 1));
+        let len = triples.len() / nodes;
         let mut positions = Self {
             nodes,
-            first: Vec::with_capacity(triples.len() * nodes),
-            rows: Vec::with_capacity(triples.len()),
-            spans: Vec::with_capacity((triples.len() / nodes).div_ceil(Self::GROUP)),
+            first: parallel::filled(Self::NONE, triples.len() * nodes),
+            rows: parallel::filled(NodeRows(0), triples.len()),
+            spans: Vec::new(),
         };
-        for block in triples.chunks_exact(nodes) {
-            for row_node in block {
-                let rows = node_rows(pattern, &is_as_before, row_node)?;
-                positions.rows.push(rows);
-                for column_node in block {
-                    positions.first.push(position(pattern, row_node, column_node)?);
+        let blocks = triples.chunks(nodes * Self::PER_TASK);
+        let tasks = positions.first.chunks_mut(nodes * nodes * Self::PER_TASK);
+        let tasks = tasks.zip(positions.rows.chunks_mut(nodes * Self::PER_TASK)).zip(blocks);
+        let located = parallel::try_each(tasks, |((first, rows), triples)| {
+            let nodes_of_blocks =
+                triples.chunks_exact(nodes).flat_map(|block| block.iter().map(move |node| (block, node)));
+            for (((block, row_node), rows), first) in nodes_of_blocks.zip(rows).zip(first.chunks_exact_mut(nodes)) {
+                *rows = node_rows(pattern, &is_as_before, row_node).ok_or(())?;
+                for (first, column_node) in first.iter_mut().zip(block) {
+                    *first = position(pattern, row_node, column_node).ok_or(())?;
                 }
             }
-        }
-        for group in (0..positions.len()).step_by(Self::GROUP) {
-            let blocks = group..positions.len().min(group + Self::GROUP);
+            Ok::<_, ()>(())
+        });
+        located.ok()?;
+        positions.spans = parallel::collect(len.div_ceil(Self::GROUP), |group| {
+            let blocks = group * Self::GROUP..len.min((group + 1) * Self::GROUP);
             let spans = blocks.flat_map(|number| positions.block(number).spans());
             let limits = (Self::NONE, 0);
             let (start, end) = spans.fold(limits, |(start, end), span| (span.start.min(start), span.end.max(end)));
-            positions.spans.push(start..end);
-        }
+            start..end
+        });
         Some(positions)
     }
 

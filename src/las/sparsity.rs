@@ -1,6 +1,10 @@
 //! A validated sparsity pattern.
 
+use std::ops::Range;
+
 use thiserror::Error;
+
+use crate::parallel;
 
 /// The sparsity pattern of a matrix in compressed row storage; the columns of each row are strictly ascending.
 ///
@@ -166,20 +170,30 @@ impl Sparsity {
     pub(super) fn by_rows(
         cols: usize,
         rows: usize,
-        mut fill: impl FnMut(usize, &mut Vec<u32>),
+        fill: impl Fn(usize, &mut Vec<u32>) + Sync + Send,
     ) -> Result<Self, SparsityError> {
-        let mut row_offsets = Vec::with_capacity(rows + 1);
-        row_offsets.push(0);
-        let (mut columns, mut one) = (Vec::new(), Vec::new());
-        for row in 0..rows {
-            one.clear();
-            fill(row, &mut one);
-            one.sort_unstable();
-            one.dedup();
-            columns.extend_from_slice(&one);
-            check_size(columns.len())?;
-            row_offsets.push(columns.len() as u32);
+        // One thread needs no copy of the columns.
+        let rows_per_task = if parallel::threads() == 1 { rows.max(1) } else { ROWS_PER_TASK };
+        let starts = (0..rows).step_by(rows_per_task);
+        let mut parts = parallel::map(starts, |start| {
+            let (mut lengths, mut columns, mut one) = (Vec::with_capacity(rows_per_task), Vec::new(), Vec::new());
+            for row in start..rows.min(start + rows_per_task) {
+                one.clear();
+                fill(row, &mut one);
+                one.sort_unstable();
+                one.dedup();
+                columns.extend_from_slice(&one);
+                lengths.push(one.len());
+            }
+            (lengths, columns)
+        });
+        let row_offsets = row_offsets(parts.iter().flat_map(|(lengths, _)| lengths.iter().copied()))?;
+        if let [(_, columns)] = &mut parts[..] {
+            return Ok(Self { cols, row_offsets: row_offsets.into(), columns: std::mem::take(columns).into() });
         }
+        let mut columns = parallel::filled(0, row_offsets[rows] as usize);
+        let to = parallel::split(&mut columns, parts.iter().map(|(_, columns)| columns.len()));
+        parallel::map(to.into_iter().zip(&parts), |(to, (_, columns))| to.copy_from_slice(columns));
         Ok(Self { cols, row_offsets: row_offsets.into(), columns: columns.into() })
     }
 
@@ -270,22 +284,43 @@ impl Sparsity {
     /// # Panics
     /// Panics if `first` has fewer than one entry per row and one more, or fewer than one per column and one more.
     pub fn expanded(&self, first: &[u32]) -> Result<Self, SparsityError> {
-        let size = |k: usize| (first[k + 1] - first[k]) as usize;
-        let of_row = |row: usize| self.row(row).iter().map(|&column| size(column as usize)).sum::<usize>();
-        let entries = (0..self.rows()).map(|row| size(row) * of_row(row)).sum();
-        check_size(entries)?;
-        let (mut row_offsets, mut columns) = (vec![0], Vec::with_capacity(entries));
-        for row in 0..self.rows() {
-            for _ in 0..size(row) {
-                columns.extend(
-                    self.row(row).iter().flat_map(|&column| first[column as usize]..first[column as usize + 1]),
-                );
-                row_offsets.push(columns.len() as u32);
+        let expanded = |k: u32| first[k as usize]..first[k as usize + 1];
+        let length = |row: usize| self.row(row).iter().map(|&column| expanded(column).len()).sum::<usize>();
+        let lengths = parallel::collect(self.rows(), length);
+        let of_rows = (0..).zip(&lengths).flat_map(|(row, &length)| expanded(row).map(move |_| length));
+        let row_offsets = row_offsets(of_rows)?;
+        let mut columns = parallel::filled(0, row_offsets.last().map_or(0, |&entries| entries as usize));
+        let tasks = (0..self.rows()).step_by(ROWS_PER_TASK).map(|start| start..self.rows().min(start + ROWS_PER_TASK));
+        let entries = |rows: Range<usize>| rows.map(|row| expanded(row as u32).len() * lengths[row]).sum();
+        let to = parallel::split(&mut columns, tasks.clone().map(entries));
+        parallel::map(tasks.zip(to), |(rows, mut to)| {
+            for row in rows {
+                for _ in expanded(row as u32) {
+                    let (one, rest) = std::mem::take(&mut to).split_at_mut(lengths[row]);
+                    let columns = self.row(row).iter().flat_map(|&column| expanded(column));
+                    one.iter_mut().zip(columns).for_each(|(to, column)| *to = column);
+                    to = rest;
+                }
             }
-        }
+        });
         let cols = first[self.cols] as usize;
         Ok(Self { cols, row_offsets: row_offsets.into(), columns: columns.into() })
     }
+}
+
+/// The number of rows that a task fills.
+const ROWS_PER_TASK: usize = 4096;
+
+/// Returns the offsets of rows of these lengths.
+fn row_offsets(lengths: impl Iterator<Item = usize>) -> Result<Vec<u32>, SparsityError> {
+    let (mut offsets, mut end) = (Vec::with_capacity(lengths.size_hint().0 + 1), 0);
+    offsets.push(0);
+    for length in lengths {
+        end += length;
+        check_size(end)?;
+        offsets.push(end as u32);
+    }
+    Ok(offsets)
 }
 
 /// Returns the index of the first item of each of `count` groups, followed by the number of items, given the group of

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use crate::las::{Sparsity, Value};
+use crate::parallel;
 
 /// A matrix of compressed rows that shares its sparsity pattern with other matrices.
 #[derive(Debug)]
@@ -28,7 +29,7 @@ impl<T: Clone> Clone for Matrix<T> {
 impl<T: Value> Matrix<T> {
     /// Creates a zero matrix.
     pub fn zeros(pattern: &Arc<Sparsity>) -> Self {
-        Self { pattern: Arc::clone(pattern), values: vec![T::zero(); pattern.nnz() + 1] }
+        Self { pattern: Arc::clone(pattern), values: parallel::filled(T::zero(), pattern.nnz() + 1) }
     }
 
     /// Returns the sparsity pattern.

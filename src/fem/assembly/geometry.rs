@@ -134,14 +134,15 @@ impl Geometry {
 impl<const N: usize, const Q: usize> Block<N, Q> {
     fn new<E: Element<3, N, Q>>(mesh: &Mesh, block: &mesh::Block<ElementType>) -> Result<Self, GeometryError> {
         let (nodes, _) = block.nodes().as_chunks::<N>();
-        let of_element = |(element, nodes): (usize, &[u32; N])| {
-            let positions = nodes.map(|node| mesh.nodes()[node as usize]);
+        let of_element = |number: usize| {
+            let (element, positions) =
+                (block.range().start + number, nodes[number].map(|node| mesh.nodes()[node as usize]));
             element::geometry::<E, N, Q>(&positions).map_err(|reason| GeometryError { element, reason })
         };
         Ok(Self {
             chunks: ElementChunk::all(nodes),
             nodes: nodes.to_vec(),
-            points: block.range().zip(nodes).map(of_element).collect::<Result<_, _>>()?,
+            points: parallel::try_collect(nodes.len(), of_element)?,
             first_point: mesh.points().of_element(block.range().start).start,
         })
     }

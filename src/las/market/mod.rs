@@ -64,7 +64,7 @@ fn pattern(rows: usize, cols: usize, entries: &[(u32, u32, f64)]) -> Result<Spar
     for &(row, column, _) in entries {
         lists[row as usize].push(column);
     }
-    Sparsity::by_rows(cols, rows, |row, columns| columns.append(&mut lists[row]))
+    Sparsity::by_rows(cols, rows, |row, columns| columns.extend_from_slice(&lists[row]))
 }
 
 /// Writes the entries that [`Entries::for_each`] visits to a file.

@@ -12,8 +12,8 @@ use crate::parallel;
 /// The number of block rows that a task prepares.
 const ROWS_PER_TASK: usize = 1024;
 
-/// The least number of block rows of a chunk.
-const LEAST_ROWS: usize = 4096;
+/// The least number of entries of the diagonal blocks of a chunk.
+const LEAST_ENTRIES: usize = 9 * 4096;
 
 /// A pivot of a diagonal block that is smaller than this fraction of its largest entry is zero up to rounding.
 const SINGULAR: f64 = 1e-14;
@@ -40,8 +40,8 @@ pub(super) struct SingularBlock {
 }
 
 /// Returns the number of rows per chunk of a matrix.
-fn chunk_of(rows: usize) -> usize {
-    rows.div_ceil(MOST_CHUNKS).max(LEAST_ROWS)
+fn chunk_of<T: Entry>(a: &BlockMatrix<T>) -> usize {
+    a.rows().div_ceil(MOST_CHUNKS).max(LEAST_ENTRIES / (a.size.0 * a.size.0))
 }
 
 /// Returns the index of the diagonal block of each row.
@@ -116,7 +116,7 @@ fn invert(a: &mut [f64], b: &mut [f64], n: usize) -> bool {
 impl<T: Entry> Smoother<T> {
     /// Creates a smoother for matrices with the pattern of `a`.
     pub fn new(a: &BlockMatrix<f64>) -> Self {
-        Self { chunk: chunk_of(a.rows()), diagonal: Vec::new(), inverse: Vec::new(), additions: Vec::new() }
+        Self { chunk: chunk_of(a), diagonal: Vec::new(), inverse: Vec::new(), additions: Vec::new() }
     }
 
     /// Prepares the sweeps with a matrix whose entries are divided by `unit` in the sweeps.
