@@ -1,7 +1,9 @@
 //! Aggregates of strongly coupled nodes (P. Vanek, J. Mandel, M. Brezina, *Algebraic multigrid by smoothed aggregation
 //! for second and fourth order elliptic problems*, Computing 56, 1996, section 4).
 
-use super::blocks::{BlockMatrix, Entry};
+use super::blocks::BlockMatrix;
+use super::for_each_row;
+use crate::parallel;
 
 /// The number that marks a node without aggregate.
 pub(super) const NONE: u32 = u32::MAX;
@@ -15,25 +17,18 @@ pub(super) struct Aggregates {
 /// Returns for each block of `a` whether its two nodes are strongly coupled: `|A_ij|^2 > threshold^2 |A_ii| |A_jj|` in
 /// Frobenius norms. Blocks on the diagonal are not.
 pub(super) fn strong_couplings(a: &BlockMatrix<f64>, threshold: f64) -> Vec<bool> {
-    let norms = square_norms(a);
-    let mut diagonal = vec![0.0; a.rows()];
-    for (row, diagonal) in diagonal.iter_mut().enumerate() {
-        let of_row = a.range(row).find(|&at| a.columns[at] as usize == row);
-        *diagonal = of_row.map_or(0.0, |at| norms[at].sqrt());
-    }
-    let mut strong = vec![false; norms.len()];
-    for row in 0..a.rows() {
-        for at in a.range(row) {
+    let len = a.size.0 * a.size.1;
+    let norm = |at: usize| a.values[at * len..(at + 1) * len].iter().map(|value| value * value).sum::<f64>();
+    let of_diagonal = |row: usize| a.range(row).find(|&at| a.columns[at] as usize == row).map_or(0.0, norm).sqrt();
+    let diagonal = parallel::collect(a.rows(), of_diagonal);
+    let mut strong = parallel::filled(false, a.columns.len());
+    for_each_row(&a.offsets, 1, &mut strong, |row, strong| {
+        for (at, strong) in a.range(row).zip(strong) {
             let column = a.columns[at] as usize;
-            strong[at] = column != row && norms[at] > threshold * threshold * diagonal[row] * diagonal[column];
+            *strong = column != row && norm(at) > threshold * threshold * diagonal[row] * diagonal[column];
         }
-    }
+    });
     strong
-}
-
-fn square_norms<T: Entry>(a: &BlockMatrix<T>) -> Vec<f64> {
-    let norm = |block: &[T]| block.iter().map(|value| value.as_f64() * value.as_f64()).sum();
-    a.values.chunks_exact(a.size.0 * a.size.1).map(norm).collect()
 }
 
 /// Groups nodes into aggregates of a node and its strong neighbors.

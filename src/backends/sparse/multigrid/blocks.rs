@@ -95,7 +95,7 @@ impl<T> BlockMatrix<T> {
 impl<T: Entry> BlockMatrix<T> {
     /// Creates a matrix of zeros.
     pub fn zeros(size: (usize, usize), cols: usize, offsets: Vec<u32>, columns: Vec<u32>) -> Self {
-        let values = vec![T::zero(); columns.len() * size.0 * size.1];
+        let values = parallel::filled(T::zero(), columns.len() * size.0 * size.1);
         Self { size, cols, offsets, columns, values }
     }
 
@@ -119,32 +119,32 @@ impl<T: Entry> BlockMatrix<T> {
         });
     }
 
-    /// Copies the transpose of a matrix; block `k` of `from` goes to block `positions[k]`.
-    pub fn transpose_from(&mut self, from: &BlockMatrix<f64>, positions: &[u32]) {
+    /// Copies the transpose of a matrix; block `k` is that of block `sources[k]` of `from`.
+    pub fn transpose_from(&mut self, from: &BlockMatrix<f64>, sources: &[u32]) {
         let (r, c) = from.size;
-        for (block, &position) in from.values.chunks_exact(r * c).zip(positions) {
-            let target = &mut self.values[position as usize * r * c..][..r * c];
+        for_each_block(&mut self.values, r * c, |(at, to)| {
+            let block = &from.values[sources[at] as usize * r * c..][..r * c];
             for (k, &value) in block.iter().enumerate() {
-                target[(k % r) * c + k / r] = T::of(value);
+                to[(k % r) * c + k / r] = T::of(value);
             }
-        }
+        });
     }
 
-    /// Returns zeros in the pattern of the transpose, and the index of the transpose of each block.
+    /// Returns zeros in the pattern of the transpose, and the index of the transpose of each of its blocks.
     pub fn transposed_pattern(&self) -> (Self, Vec<u32>) {
         let offsets = crate::las::offsets(self.cols, self.columns.iter().map(|&column| column as usize));
-        let mut next = offsets.clone();
-        let mut transpose = Self::zeros((self.size.1, self.size.0), self.rows(), offsets, vec![0; self.columns.len()]);
-        let mut positions = Vec::with_capacity(self.columns.len());
+        let (mut next, blocks) = (offsets.clone(), self.columns.len());
+        let mut transpose = Self::zeros((self.size.1, self.size.0), self.rows(), offsets, vec![0; blocks]);
+        let mut sources = vec![0; blocks];
         for row in 0..self.rows() {
-            for &column in &self.columns[self.range(row)] {
-                let to = &mut next[column as usize];
+            for at in self.range(row) {
+                let to = &mut next[self.columns[at] as usize];
                 transpose.columns[*to as usize] = row as u32;
-                positions.push(*to);
+                sources[*to as usize] = at as u32;
                 *to += 1;
             }
         }
-        (transpose, positions)
+        (transpose, sources)
     }
 
     /// Computes `y = A x`, or `y += A x` if `ADD`.
@@ -179,6 +179,18 @@ impl<T: Entry> BlockMatrix<T> {
             }
         }
     }
+}
+
+/// Calls a function for each of consecutive blocks of `len` entries with its number, in parallel.
+pub(super) fn for_each_block<V: Send>(
+    values: &mut [V],
+    len: usize,
+    of_block: impl Fn((usize, &mut [V])) + Sync + Send,
+) {
+    let tasks = values.chunks_mut(ROWS_PER_TASK * len).enumerate();
+    parallel::map(tasks, |(task, values)| {
+        (task * ROWS_PER_TASK..).zip(values.chunks_exact_mut(len)).for_each(&of_block);
+    });
 }
 
 /// Calls a function for consecutive chunks of [`ROWS_PER_TASK`] entries, in parallel.

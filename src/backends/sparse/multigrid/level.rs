@@ -4,12 +4,13 @@
 //! tentative prolongation and the patterns of the prolongation and of the coarse matrix. [`Level::update`] computes the
 //! numbers from a matrix of the same pattern.
 
-use super::MultigridParams;
 use super::aggregation::{Aggregates, aggregate, strong_couplings};
-use super::blocks::{BlockMatrix, Entry};
+use super::blocks::{BlockMatrix, Entry, for_each_block};
 use super::galerkin;
 use super::prolongation::{NodeModes, Prolongation, Tentative, tentative};
 use super::smoother::{SingularBlock, Smoother, diagonals, inverses};
+use super::{CHUNK, MultigridParams};
+use crate::parallel;
 
 /// Number of power iterations for the largest eigenvalue of `D^-1 A` of the first matrix.
 const FIRST_POWER_ITERATIONS: usize = 10;
@@ -47,8 +48,8 @@ struct Setup {
     diagonal: Vec<u32>,
     /// The vector of the power iteration.
     dominant: Vec<f64>,
-    /// For each block of the prolongation, the index of its transpose in the restriction.
-    transposed_at: Vec<u32>,
+    /// For each block of the restriction, the index of its transpose in the prolongation.
+    transposes: Vec<u32>,
     coarse: BlockMatrix<f64>,
 }
 
@@ -73,7 +74,7 @@ impl<T: Entry> Level<T> {
         }
         let (tentative, coarse_modes) = tentative(&aggregates, modes);
         let prolongation = Prolongation::new(a, &aggregates, tentative.vectors, params.drop_below);
-        let (r, transposed_at) = prolongation.p.transposed_pattern();
+        let (r, transposes) = prolongation.p.transposed_pattern();
         let coarse = galerkin::zeros(a, &prolongation.p, &r);
         let setup = Setup {
             aggregates,
@@ -81,7 +82,7 @@ impl<T: Entry> Level<T> {
             prolongation,
             diagonal,
             dominant: start_vector(unknowns),
-            transposed_at,
+            transposes,
             coarse,
         };
         let zeros = || vec![T::zero(); unknowns];
@@ -116,13 +117,13 @@ impl<T: Entry> Level<T> {
         unit: f64,
         power_iterations: usize,
     ) -> Result<(), SingularBlock> {
-        let Setup { aggregates, tentative, prolongation, diagonal, dominant, transposed_at, coarse } = &mut self.setup;
+        let Setup { aggregates, tentative, prolongation, diagonal, dominant, transposes, coarse } = &mut self.setup;
         let inverse = inverses(a, diagonal, |_, _| 0.0)?;
         let omega = params.damping / (EIGENVALUE_SAFETY * largest_eigenvalue(a, &inverse, dominant, power_iterations));
         prolongation.smooth(a, &inverse, aggregates, tentative, omega);
         let p = &prolongation.p;
         self.p.convert_from(p, 1.0);
-        self.r.transpose_from(p, transposed_at);
+        self.r.transpose_from(p, transposes);
         galerkin::compute(a, p, coarse);
         fill_inactive(coarse);
         self.smoother.compute(a, diagonal, unit)?;
@@ -158,21 +159,27 @@ fn start_vector(len: usize) -> Vec<f64> {
 fn largest_eigenvalue(a: &BlockMatrix<f64>, inverse: &[f64], x: &mut [f64], iterations: usize) -> f64 {
     let size = a.size.0;
     let (mut y, mut estimate) = (vec![0.0; x.len()], 1.0);
+    let mut length = norm(x);
     for _ in 0..iterations {
-        let length = x.iter().map(|x| x * x).sum::<f64>().sqrt();
         if length == 0.0 || !length.is_finite() {
             break;
         }
-        x.iter_mut().for_each(|x| *x /= length);
+        for_each_block(x, size, |(_, x)| x.iter_mut().for_each(|x| *x /= length));
         a.multiply::<false>(x, &mut y);
-        for ((x, y), inverse) in
-            x.chunks_exact_mut(size).zip(y.chunks_exact(size)).zip(inverse.chunks_exact(size * size))
-        {
+        for_each_block(x, size, |(row, x)| {
+            let (y, inverse) = (&y[row * size..][..size], &inverse[row * size * size..][..size * size]);
             for (i, x) in x.iter_mut().enumerate() {
                 *x = (0..size).map(|j| inverse[j * size + i] * y[j]).sum();
             }
-        }
-        estimate = x.iter().map(|x| x * x).sum::<f64>().sqrt();
+        });
+        length = norm(x);
+        estimate = length;
     }
     estimate
+}
+
+/// Returns the norm of a vector, summed in chunks of a fixed size.
+fn norm(x: &[f64]) -> f64 {
+    let of_chunk = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>();
+    parallel::map(x.chunks(CHUNK), of_chunk).iter().sum::<f64>().sqrt()
 }

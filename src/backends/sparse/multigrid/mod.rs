@@ -247,8 +247,8 @@ impl Multigrid {
     fn node_modes(&self) -> NodeModes {
         let (size, given) = (self.nodes.size, &self.near_null_space);
         let vectors = padded(if given.is_empty() { size } else { given.len() });
-        let mut values = vec![0.0; self.nodes.len() * vectors * size];
-        for (node, to) in values.chunks_exact_mut(vectors * size).enumerate() {
+        let mut values = parallel::filled(0.0, self.nodes.len() * vectors * size);
+        let of_node = |(node, to): (usize, &mut [f64])| {
             for (i, unknown) in self.nodes.unknowns(node).enumerate() {
                 for (j, vector) in given.iter().enumerate() {
                     to[j * size + i] = vector[unknown];
@@ -257,7 +257,8 @@ impl Multigrid {
                     to[i * size + i] = 1.0;
                 }
             }
-        }
+        };
+        blocks::for_each_block(&mut values, vectors * size, of_node);
         NodeModes { vectors, size, values }
     }
 
@@ -272,7 +273,8 @@ impl Multigrid {
         let Self { nodes, hierarchy: Some(hierarchy), .. } = self else { return Err(SolveError::NotFactored) };
         let (x, y) = (x.as_slice(), y.as_mut_slice());
         // Single precision has a smaller range.
-        let largest = x.iter().fold(0.0, |most: f64, v| most.max(v.abs()));
+        let largest_of = |x: &[f64]| x.iter().fold(0.0, |most: f64, v| most.max(v.abs()));
+        let largest = parallel::map(x.chunks(CHUNK), largest_of).into_iter().fold(0.0, f64::max);
         if largest == 0.0 {
             y.fill(0.0);
             return Ok(());
@@ -314,18 +316,21 @@ impl Multigrid {
     }
 }
 
+/// The number of entries of a vector that a task reduces.
+const CHUNK: usize = 1 << 13;
+
 /// Calls `of_row(row, values)` for the values of every block row, in parallel; a block has `len` values.
-fn for_each_row(offsets: &[u32], len: usize, values: &mut [f64], of_row: impl Fn(usize, &mut [f64]) + Sync + Send) {
+fn for_each_row<V: Send>(
+    offsets: &[u32],
+    len: usize,
+    values: &mut [V],
+    of_row: impl Fn(usize, &mut [V]) + Sync + Send,
+) {
     const ROWS: usize = 2048;
     let rows = offsets.len() - 1;
-    let mut parts = Vec::with_capacity(rows.div_ceil(ROWS));
-    let mut rest = values;
-    for first in (0..rows).step_by(ROWS) {
-        let end = (first + ROWS).min(rows);
-        let (part, others) = rest.split_at_mut((offsets[end] - offsets[first]) as usize * len);
-        parts.push((first..end, part));
-        rest = others;
-    }
+    let tasks = (0..rows).step_by(ROWS).map(|first| first..rows.min(first + ROWS));
+    let values_of = |rows: std::ops::Range<usize>| (offsets[rows.end] - offsets[rows.start]) as usize * len;
+    let parts = tasks.clone().zip(parallel::split(values, tasks.map(values_of)));
     parallel::map(parts, |(rows, values)| {
         let mut rest = values;
         for row in rows {

@@ -1,7 +1,7 @@
 //! The unknowns of a matrix as nodes with blocks of one size.
 
 use super::super::order::Graph;
-use super::blocks::{BlockMatrix, Entry};
+use super::blocks::{BlockMatrix, Entry, for_each_block};
 use crate::las::{Scalar, Sparsity};
 
 /// The block size of a matrix, and the unknowns of each of its nodes.
@@ -52,28 +52,18 @@ impl Nodes {
     /// Copies a vector to its padded form, divided by `unit`; the padding is zero.
     pub fn pad<U: Entry>(&self, x: &[f64], unit: f64, padded: &mut [U]) {
         let scale = 1.0 / unit;
-        let convert = |value: &f64| U::of(value * scale);
-        if self.are_full() {
-            padded.iter_mut().zip(x).for_each(|(to, from)| *to = convert(from));
-            return;
-        }
-        for (node, to) in padded.chunks_exact_mut(self.size).enumerate() {
+        for_each_block(padded, self.size, |(node, to)| {
             let from = &x[self.unknowns(node)];
-            to.fill(U::zero());
-            to.iter_mut().zip(from).for_each(|(to, from)| *to = convert(from));
-        }
+            to[from.len()..].fill(U::zero());
+            to.iter_mut().zip(from).for_each(|(to, from)| *to = U::of(from * scale));
+        });
     }
 
     /// Copies the unknowns of a padded vector, times `unit`.
     pub fn unpad<U: Entry>(&self, padded: &[U], unit: f64, x: &mut [f64]) {
-        let convert = |value: &U| value.as_f64() * unit;
-        if self.are_full() {
-            x.iter_mut().zip(padded).for_each(|(to, from)| *to = convert(from));
-            return;
-        }
-        for (node, from) in padded.chunks_exact(self.size).enumerate() {
-            x[self.unknowns(node)].iter_mut().zip(from).for_each(|(to, from)| *to = convert(from));
-        }
+        super::for_each_row(&self.first, 1, x, |node, to| {
+            to.iter_mut().zip(&padded[node * self.size..]).for_each(|(to, from)| *to = from.as_f64() * unit);
+        });
     }
 
     /// Returns the pattern of the padded matrix: offsets and columns of its blocks.

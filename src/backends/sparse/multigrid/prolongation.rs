@@ -3,6 +3,13 @@
 
 use super::aggregation::{Aggregates, NONE};
 use super::blocks::{BlockMatrix, vectorized, with_sizes};
+use crate::parallel;
+
+/// The number of aggregates whose near null space a task orthonormalizes.
+const AGGREGATES_PER_TASK: usize = 64;
+
+/// The number of rows whose pattern a task computes.
+const ROWS_PER_TASK: usize = 1024;
 
 /// Columns whose norm after orthogonalization is below this fraction of the norm before depend on the others.
 const DEPENDENT: f64 = 1e-9;
@@ -40,24 +47,31 @@ pub(super) fn tentative(aggregates: &Aggregates, modes: &NodeModes) -> (Tentativ
     let mut members: Vec<(u32, u32)> =
         aggregates.of_node.iter().zip(0..).filter(|(of, _)| **of != NONE).map(|(&of, node)| (of, node)).collect();
     members.sort_unstable();
-    let mut blocks = vec![0.0; modes.values.len()];
+    let groups: Vec<&[(u32, u32)]> = members.chunk_by(|one, other| one.0 == other.0).collect();
+    let of_task = |(groups, factors): (&[&[(u32, u32)]], &mut [f64])| {
+        let mut columns: Vec<Vec<f64>> = vec![Vec::new(); k];
+        let mut blocks = Vec::new();
+        for (group, factor) in groups.iter().zip(factors.chunks_exact_mut(k * k)) {
+            for (j, column) in columns.iter_mut().enumerate() {
+                column.clear();
+                for &(_, node) in *group {
+                    column.extend_from_slice(&modes.of_node(node as usize)[j * size..(j + 1) * size]);
+                }
+            }
+            orthonormalize(&mut columns, factor);
+            for position in 0..group.len() {
+                columns.iter().for_each(|column| blocks.extend_from_slice(&column[position * size..][..size]));
+            }
+        }
+        blocks
+    };
+    // Every aggregate has members.
     let mut coarse = vec![0.0; aggregates.count * k * k];
-    let mut columns: Vec<Vec<f64>> = vec![Vec::new(); k];
-    for group in members.chunk_by(|one, other| one.0 == other.0) {
-        for (j, column) in columns.iter_mut().enumerate() {
-            column.clear();
-            for &(_, node) in group {
-                column.extend_from_slice(&modes.of_node(node as usize)[j * size..(j + 1) * size]);
-            }
-        }
-        let factor = &mut coarse[group[0].0 as usize * k * k..][..k * k];
-        orthonormalize(&mut columns, factor);
-        for (position, &(_, node)) in group.iter().enumerate() {
-            for (j, column) in columns.iter().enumerate() {
-                let to = (node as usize * k + j) * size;
-                blocks[to..to + size].copy_from_slice(&column[position * size..(position + 1) * size]);
-            }
-        }
+    let factors = coarse.chunks_mut(AGGREGATES_PER_TASK * k * k);
+    let of_members = parallel::map(groups.chunks(AGGREGATES_PER_TASK).zip(factors), of_task).concat();
+    let mut blocks = parallel::filled(0.0, modes.values.len());
+    for (&(_, node), block) in members.iter().zip(of_members.chunks_exact(k * size)) {
+        blocks[node as usize * k * size..][..k * size].copy_from_slice(block);
     }
     (Tentative { vectors: k, blocks }, NodeModes { vectors: k, size: k, values: coarse })
 }
@@ -139,32 +153,41 @@ impl Prolongation {
 fn kept_blocks(a: &BlockMatrix<f64>, drop_below: f64) -> Vec<bool> {
     let len = a.size.0 * a.size.1;
     let norm = |at: usize| a.values[at * len..(at + 1) * len].iter().map(|v| v * v).sum::<f64>();
-    let mut keeps = vec![true; a.columns.len()];
-    for row in 0..a.rows() {
+    let mut keeps = parallel::filled(true, a.columns.len());
+    super::for_each_row(&a.offsets, 1, &mut keeps, |row, keeps| {
         let diagonal = a.range(row).find(|&at| a.columns[at] as usize == row).map_or(0.0, norm);
-        for at in a.range(row) {
-            keeps[at] = a.columns[at] as usize == row || norm(at) > drop_below * drop_below * diagonal;
+        for (at, keeps) in a.range(row).zip(keeps) {
+            *keeps = a.columns[at] as usize == row || norm(at) > drop_below * drop_below * diagonal;
         }
-    }
+    });
     keeps
 }
 
 /// Returns the pattern of the smoothed prolongation: each node couples to the aggregates of its neighbors.
 fn pattern(a: &BlockMatrix<f64>, aggregates: &Aggregates, keeps: &[bool]) -> (Vec<u32>, Vec<u32>) {
-    let (mut offsets, mut columns) = (vec![0], Vec::new());
-    let mut row_columns: Vec<u32> = Vec::new();
-    for row in 0..a.rows() {
-        row_columns.clear();
-        if aggregates.of_node[row] != NONE {
-            let kept = a.range(row).filter(|&at| keeps[at]);
-            row_columns.extend(kept.map(|at| aggregates.of_node[a.columns[at] as usize]).filter(|&of| of != NONE));
+    let of_task = |first: usize| {
+        let (mut lengths, mut columns, mut of_row) = (Vec::new(), Vec::new(), Vec::new());
+        for row in first..a.rows().min(first + ROWS_PER_TASK) {
+            of_row.clear();
+            if aggregates.of_node[row] != NONE {
+                let kept = a.range(row).filter(|&at| keeps[at]);
+                of_row.extend(kept.map(|at| aggregates.of_node[a.columns[at] as usize]).filter(|&of| of != NONE));
+            }
+            of_row.sort_unstable();
+            of_row.dedup();
+            columns.extend_from_slice(&of_row);
+            lengths.push(of_row.len() as u32);
         }
-        row_columns.sort_unstable();
-        row_columns.dedup();
-        columns.extend_from_slice(&row_columns);
-        offsets.push(columns.len() as u32);
-    }
-    (offsets, columns)
+        (lengths, columns)
+    };
+    let (lengths, columns): (Vec<_>, Vec<_>) =
+        parallel::map((0..a.rows()).step_by(ROWS_PER_TASK), of_task).into_iter().unzip();
+    let mut offsets = vec![0];
+    offsets.extend(lengths.iter().flatten().scan(0, |end, length| {
+        *end += length;
+        Some(*end)
+    }));
+    (offsets, columns.concat())
 }
 
 /// The inputs of a row of the smoothed prolongation.

@@ -45,13 +45,13 @@ fn chunk_of<T: Entry>(a: &BlockMatrix<T>) -> usize {
 }
 
 /// Returns the index of the diagonal block of each row.
-pub(super) fn diagonals<T>(a: &BlockMatrix<T>) -> Result<Vec<u32>, SingularBlock> {
+pub(super) fn diagonals<T: Sync>(a: &BlockMatrix<T>) -> Result<Vec<u32>, SingularBlock> {
     let of_row = |row: usize| {
         let range = a.offsets[row] as usize..a.offsets[row + 1] as usize;
         let found = a.columns[range].binary_search(&(row as u32));
         found.map(|at| a.offsets[row] + at as u32).map_err(|_| SingularBlock { row })
     };
-    (0..a.offsets.len() - 1).map(of_row).collect()
+    parallel::try_collect(a.rows(), of_row)
 }
 
 /// Returns the inverse of each diagonal block, with `addition(row, unknown)` added to its diagonal.
