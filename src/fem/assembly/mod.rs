@@ -63,7 +63,7 @@ use std::sync::Arc;
 use nalgebra::{Matrix3, SMatrix};
 
 pub use geometry::{Geometry, GeometryError, geometry};
-pub use unknowns::Unknowns;
+pub use unknowns::{NodePattern, Unknowns};
 pub use volume::volume_tangent;
 
 use super::boundary::Load;

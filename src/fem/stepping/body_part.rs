@@ -59,8 +59,11 @@ impl BodyPart {
             Constraints::new(mesh, &geometry, &conditions.constraints, &fixed)?.on_part(&of_part)
         };
         rigid_modes::check(mesh, &boundary.restraints(mesh), boundary.kinematics().rigid_surfaces())?;
-        let system = LinearSystem::new::<B>(&order, mesh, boundary, constraints.len(), params)?;
-        let (unknowns, rows) = system.unknowns.on_part(division, part, own_boundary.kinematics());
+        let LinearSystem { unknowns: of_body, pattern, solver, choice, has_costly_factorization } =
+            LinearSystem::new::<B>(&order, mesh, boundary, constraints.len(), params)?;
+        drop(pattern);
+        let (unknowns, rows) = of_body.on_part(division, part, own_boundary.kinematics());
+        drop(of_body);
         let (geometry, pattern) =
             (assembly::geometry(&of_part)?, unknowns.pattern(&of_part)?.first_rows(rows.own.len()));
         Ok(Some(Self {
@@ -69,9 +72,9 @@ impl BodyPart {
             geometry,
             pattern: Arc::new(pattern),
             rows,
-            solver: system.solver,
-            choice: system.choice,
-            has_costly_factorization: system.has_costly_factorization,
+            solver,
+            choice,
+            has_costly_factorization,
             break_points: merged(boundary.break_points(), constraints.break_points()),
             constraints,
             mesh: Arc::new(of_part),

@@ -53,6 +53,7 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
         let constraints = Constraints::new(&mesh, &geometry, &conditions.constraints, &fixed)?;
         let LinearSystem { unknowns, pattern, solver, choice, has_costly_factorization } =
             LinearSystem::new::<B>(order, &mesh, &boundary, constraints.len(), &params)?;
+        let pattern = Arc::new(pattern.expanded()?);
         let symbolic = B::analyze(context, &pattern, &solver)?;
         let system = NewtonSystem::bordered(context, &pattern, &symbolic, constraints.len())?;
         let assembler = assembler(geometry, &unknowns, &boundary, &constraints, &system.matrix);

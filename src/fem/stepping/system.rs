@@ -1,20 +1,18 @@
 //! The linear system of a body before its setup: unknowns, pattern and solver.
 
-use std::sync::Arc;
-
 use super::StepParams;
-use crate::fem::assembly::Unknowns;
+use crate::fem::assembly::{NodePattern, Unknowns};
 use crate::fem::boundary::Boundary;
 use crate::fem::mesh::Mesh;
-use crate::las::{Backend, Method, SolverChoice, SolverParams, Sparsity, SparsityError, Symmetry};
+use crate::las::{Backend, Method, SolverChoice, SolverParams, SparsityError, Symmetry};
 
 /// The linear system of a body.
 #[derive(Clone, Debug)]
 pub struct LinearSystem {
     /// The free displacement components.
     pub unknowns: Unknowns,
-    /// The pattern of the stiffness.
-    pub pattern: Arc<Sparsity>,
+    /// The pattern of the stiffness, by nodes.
+    pub pattern: NodePattern,
     /// The solver.
     pub solver: SolverParams,
     /// The choice of the solver, if it was chosen by the size of the system.
@@ -42,7 +40,7 @@ impl LinearSystem {
         let prescribed = boundary.prescribed_mask(mesh.nodes().len());
         let unknowns = Unknowns::in_order(order, |node, component| prescribed[node][component])?
             .with_kinematics(boundary.kinematics(), &boundary.prescribed_of_rigid_surfaces())?;
-        let pattern = Arc::new(unknowns.pattern(mesh)?);
+        let pattern = unknowns.node_pattern(mesh)?;
         let of_elements = params.solver.map_or(Symmetry::Definite, |solver| solver.symmetry);
         let elements = if mesh.patches().is_empty() { of_elements } else { Symmetry::None };
         let symmetry = match boundary.symmetry(elements) {
@@ -50,7 +48,8 @@ impl LinearSystem {
             Symmetry::Definite if constraints > 0 => Symmetry::Symmetric,
             symmetry => symmetry,
         };
-        let by_size = SolverChoice::new(&pattern, symmetry, 1 + constraints, B::HAS_MULTIGRID);
+        let by_size =
+            SolverChoice::by_blocks((&pattern.nodes, &pattern.first), symmetry, 1 + constraints, B::HAS_MULTIGRID);
         let (solver, choice) = match params.solver {
             Some(solver) => (SolverParams { symmetry, ..solver }, None),
             None => (by_size.params(symmetry), Some(by_size)),

@@ -38,13 +38,31 @@ pub struct SolverChoice {
 
 impl SolverChoice {
     /// Chooses the method for matrices with this pattern and symmetry and this number of right-hand sides per matrix:
-    /// direct, or conjugate gradients (GMRES unless the matrix is declared definite) with algebraic multigrid. `has_multigrid` tells
-    /// whether the backend has it ([`Backend::HAS_MULTIGRID`](crate::las::Backend::HAS_MULTIGRID)).
+    /// direct, or conjugate gradients (GMRES unless the matrix is declared definite) with algebraic multigrid.
+    /// `has_multigrid` tells whether the backend has it
+    /// ([`Backend::HAS_MULTIGRID`](crate::las::Backend::HAS_MULTIGRID)).
     ///
     /// Takes time proportional to the number of entries.
     pub fn new(pattern: &Sparsity, symmetry: Symmetry, right_hand_sides: usize, has_multigrid: bool) -> Self {
-        let operations = operations(pattern);
-        let entries = pattern.nnz() as f64;
+        let first: Vec<u32> = (0..=pattern.rows() as u32).collect();
+        Self::by_blocks((pattern, &first), symmetry, right_hand_sides, has_multigrid)
+    }
+
+    /// As [`SolverChoice::new`], for matrices whose pattern consists of full blocks: row and column `k` of the given
+    /// pattern stand for the unknowns from `first[k]` to before `first[k + 1]`, as in [`Sparsity::expanded`].
+    ///
+    /// # Panics
+    /// Panics if `first` has fewer than one entry per row and one more.
+    pub fn by_blocks(
+        (blocks, first): (&Sparsity, &[u32]),
+        symmetry: Symmetry,
+        right_hand_sides: usize,
+        has_multigrid: bool,
+    ) -> Self {
+        let size = |block: u32| (first[block as usize + 1] - first[block as usize]) as f64;
+        let operations = operations(blocks, size);
+        let of_row = |row: u32| size(row) * blocks.row(row as usize).iter().map(|&column| size(column)).sum::<f64>();
+        let entries: f64 = (0..blocks.rows() as u32).map(of_row).sum();
         let of_symmetry = if symmetry == Symmetry::None { UNSYMMETRIC } else { 1.0 };
         let direct = DIRECT * operations * of_symmetry;
         let iterative = entries * (SETUP + SOLVE * right_hand_sides.max(1) as f64);
@@ -56,7 +74,13 @@ impl SolverChoice {
             let preconditioner = Preconditioner::Multigrid;
             Method::Iterative(Iterative { krylov, preconditioner, tolerance: 1e-10, max_iterations: 300 })
         };
-        Self { method, unknowns: pattern.rows(), operations, seconds: [direct, iterative], has_multigrid }
+        Self {
+            method,
+            unknowns: first[blocks.rows()] as usize,
+            operations,
+            seconds: [direct, iterative],
+            has_multigrid,
+        }
     }
 
     /// Returns solver parameters with the chosen method, which falls back to the direct one.
@@ -93,13 +117,14 @@ fn seconds(value: f64) -> String {
     }
 }
 
-/// Estimates the number of operations of a Cholesky factorization in a good order.
+/// Estimates the number of operations of a Cholesky factorization in a good order; row `k` stands for `size(k)`
+/// unknowns.
 ///
 /// The breadth-first levels from a node at the end of the body are separators. Eliminating levels one after the other
 /// takes about `7/3 w^3` operations for every level of `w` unknowns; a body that is about as long as it is wide is
 /// better divided into halves again and again, and the last separator takes most of the work, about `w^3/3` with its
 /// width `w`. Levels of a box from a corner are diagonal planes, wider than the separator.
-fn operations(pattern: &Sparsity) -> f64 {
+fn operations(pattern: &Sparsity, size: impl Fn(u32) -> f64) -> f64 {
     let mut estimate = 0.0;
     let mut visited = vec![false; pattern.rows()];
     for start in 0..pattern.rows() {
@@ -107,7 +132,8 @@ fn operations(pattern: &Sparsity) -> f64 {
             let first = levels(pattern, start, &mut visited);
             let end = first.last().and_then(|level| level.first()).map_or(start, |&row| row as usize);
             first.iter().flatten().for_each(|&row| visited[row as usize] = false);
-            let widths: Vec<f64> = levels(pattern, end, &mut visited).iter().map(|level| level.len() as f64).collect();
+            let levels = levels(pattern, end, &mut visited);
+            let widths: Vec<f64> = levels.iter().map(|level| level.iter().map(|&row| size(row)).sum()).collect();
             estimate += of_component(&widths);
         }
     }
