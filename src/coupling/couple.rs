@@ -69,9 +69,17 @@ pub enum CouplingError {
         /// Number of units of this rank.
         units: usize,
     },
+    /// The new order of the units is not a permutation of them.
+    #[error("the order of {found} indices is not a permutation of {units} units")]
+    Permutation {
+        /// Number of units of this rank.
+        units: usize,
+        /// Number of indices given.
+        found: usize,
+    },
     /// The units have changed between the start and the end of a receive.
     #[error(
-        "receiving from {producer} on {consumer} was started before units were added or removed: finish it before that"
+        "receiving from {producer} on {consumer} was started before units were added, removed or migrated: finish it before"
     )]
     Changed {
         /// The scale that sends the values.

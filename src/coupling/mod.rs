@@ -51,6 +51,7 @@
 //!
 //! After chapter 2 of W. R. Tobin, *The Adaptive Multiscale Simulation Infrastructure* (RPI 2018).
 
+pub mod balance;
 mod config;
 mod couple;
 mod data;
