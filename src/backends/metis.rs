@@ -134,7 +134,8 @@ mod tests {
 
     #[test]
     fn parts_of_a_chain_have_equal_weight() {
-        let near: Vec<Vec<u32>> = (0..40_u32).map(|k| (k.max(1) - 1..(k + 2).min(40)).filter(|&n| n != k).collect()).collect();
+        let near: Vec<Vec<u32>> =
+            (0..40_u32).map(|k| (k.max(1) - 1..(k + 2).min(40)).filter(|&n| n != k).collect()).collect();
         let weights: Vec<i32> = (0..40).map(|k| if k < 10 { 3 } else { 1 }).collect();
         let part_of = partition_weighted(&near, &weights, 2).unwrap();
         let first: i32 = (0..40).filter(|&k| part_of[k] == part_of[0]).map(|k| weights[k]).sum();
@@ -146,7 +147,9 @@ mod tests {
         assert_eq!(partition(&[vec![], vec![], vec![], vec![]], 2), Ok(vec![0, 0, 1, 1]));
         assert!(partition(&[vec![1]], 2).is_err());
         let pair = [vec![1], vec![0]];
-        assert!([&[1][..], &[-1, 2], &[i32::MAX, 1]].iter().all(|weights| partition_weighted(&pair, weights, 2).is_err()));
+        assert!(
+            [&[1][..], &[-1, 2], &[i32::MAX, 1]].iter().all(|weights| partition_weighted(&pair, weights, 2).is_err())
+        );
         assert!(nested_dissection(&[0, 1, 2], &[1, 2]).is_err(), "a neighbor beyond the last node");
         assert!(nested_dissection(&[0, 1, 3], &[1, 0]).is_err(), "offsets beyond the neighbors");
         assert!(nested_dissection(&[], &[]).is_err());

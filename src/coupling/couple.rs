@@ -188,8 +188,8 @@ impl<C: Comm> Coupling<C> {
     }
 
     /// Returns the coupling in the opposite direction: producer and consumer are exchanged, and every unit goes back to
-    /// its origin. The result is a copy, made without communication; it does not change with later additions and
-    /// removals.
+    /// its origin. The result is a copy, made without communication; it does not change with later additions, removals
+    /// and migrations.
     #[must_use]
     pub fn inverse(&self) -> Self {
         let role = match self.role {

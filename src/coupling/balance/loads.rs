@@ -35,22 +35,24 @@ impl Loads {
     /// Returns [`BalanceError`] on all ranks if a weight is negative or infinite, if a rank passes another number of
     /// sizes than weights, or if the communication fails.
     pub fn gather<C: Comm>(scale: &C, weights: &[f64], bytes: &[u64]) -> Result<Self, BalanceError> {
-        let has_bytes = !bytes.is_empty();
         let mut own = vec![Message::of(weights)];
-        own.extend(has_bytes.then(|| Message::of(bytes)));
+        own.extend((!bytes.is_empty()).then(|| Message::of(bytes)));
         let all = scale.gather_all(Message::join(own))?;
         let mut loads = Self { offsets: vec![0], ..Self::default() };
-        for (rank, message) in all.iter().enumerate() {
+        let mut sizes = Vec::with_capacity(all.len());
+        for message in &all {
             let parts = message.split().unwrap_or_default();
             let part = |at: usize| parts.get(at).copied().unwrap_or_default();
             loads.push(bytemuck::try_cast_slice(part(0)).unwrap_or_default())?;
-            loads.bytes.extend_from_slice(bytemuck::try_cast_slice::<_, u64>(part(1)).unwrap_or_default());
-            let (units, found) = (loads.weights.len(), loads.bytes.len());
-            // Ranks without units pass no sizes either.
-            if found > 0 && found != units {
-                let (units, before) = (loads.of(rank).len(), loads.offsets[rank]);
-                return Err(BalanceError::Count { rank, units, found: found.saturating_sub(before), what: "sizes" });
-            }
+            let bytes: &[u64] = bytemuck::try_cast_slice(part(1)).unwrap_or_default();
+            loads.bytes.extend_from_slice(bytes);
+            sizes.push(bytes.len());
+        }
+        let mut counts = loads.counts().into_iter().zip(sizes).enumerate();
+        if let Some((rank, (units, found))) = counts.find(|(_, (units, found))| units != found)
+            && !loads.bytes.is_empty()
+        {
+            return Err(BalanceError::Count { rank, units, found, what: "sizes" });
         }
         loads.fill_unknown();
         Ok(loads)
@@ -200,6 +202,8 @@ mod tests {
         assert_eq!((loads[0].bytes(0, 1), loads[0].bytes(2, 0)), (9, 7));
         let failed = thread::run(2, |comm| Loads::gather(&comm, &[1.0, 1.0], &[1, 2][..1 + comm.rank()]));
         assert_eq!(failed.unwrap_err().reason, "rank 0 has 2 units, but 1 sizes were given");
+        let failed = thread::run(2, |comm| Loads::gather(&comm, &[1.0], &[1][..comm.rank()]));
+        assert_eq!(failed.unwrap_err().reason, "rank 0 has 1 units, but 0 sizes were given");
     }
 
     fn loads_of_bytes() -> Loads {

@@ -19,6 +19,8 @@ pub struct Origin {
 /// into this order.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Migration {
+    /// This rank.
+    rank: usize,
     /// The units of this rank before the migration.
     pub(super) units: Vec<UnitId>,
     pub(super) moves: Moves,
@@ -29,6 +31,8 @@ pub struct Migration {
 impl Migration {
     /// Informs the ranks of a scale about a migration by the user's own means: each rank passes the moves of its units,
     /// and the units that it had before. Collective over the scale; each rank sends to the targets of its moves only.
+    /// If the data has another order than described above, [`Coupling::reorder`](super::super::Coupling::reorder) the
+    /// couplings after their synchronization.
     ///
     /// # Errors
     /// Returns [`BalanceError`] on all ranks if the moves of one of them are invalid, or if the communication fails.
@@ -39,11 +43,11 @@ impl Migration {
             let indices = message.values::<u32>().ok_or(CommError::Malformed { from: rank, found: message.len() })?;
             arrived.extend(indices.iter().map(|&index| Origin { rank, index }));
         }
-        Ok(Self::new(moves, units, arrived))
+        Ok(Self::new(scale.rank(), moves, units, arrived))
     }
 
-    fn new(moves: &Moves, units: &[UnitId], arrived: Vec<Origin>) -> Self {
-        Self { units: units.to_vec(), moves: moves.clone(), stayed: moves.stayed(units.len()), arrived }
+    fn new(rank: usize, moves: &Moves, units: &[UnitId], arrived: Vec<Origin>) -> Self {
+        Self { rank, units: units.to_vec(), moves: moves.clone(), stayed: moves.stayed(units.len()), arrived }
     }
 
     /// Returns the former indices of the units that stayed on this rank, in ascending order.
@@ -68,11 +72,10 @@ impl Migration {
     /// Returns [`BalanceError::Count`] if the lengths do not fit.
     pub fn apply<T>(&self, former: Vec<T>, arrived: Vec<T>) -> Result<Vec<T>, BalanceError> {
         let check = |found: usize, units: usize, what| {
-            let rank = self.arrived.first().map_or(0, |origin| origin.rank);
-            if found == units { Ok(()) } else { Err(BalanceError::Count { rank, units, found, what }) }
+            if found == units { Ok(()) } else { Err(BalanceError::Count { rank: self.rank, units, found, what }) }
         };
-        check(former.len(), self.units.len(), "former values")?;
-        check(arrived.len(), self.arrived.len(), "arrived values")?;
+        check(former.len(), self.units.len(), "values of former units")?;
+        check(arrived.len(), self.arrived.len(), "values of arrived units")?;
         let mut stayed = self.stayed.iter().peekable();
         let is_stayed = |&(index, _): &(u32, T)| stayed.next_if(|&&next| next == index).is_some();
         let kept = (0_u32..).zip(former).filter(is_stayed).map(|(_, value)| value);
@@ -110,7 +113,7 @@ pub fn migrate<C: Comm>(
         arrived.extend(indices.iter().map(|&index| Origin { rank, index }));
         data.extend(parts.iter().map(|part| Message::of(part)));
     }
-    Ok((Migration::new(moves, units, arrived), data))
+    Ok((Migration::new(scale.rank(), moves, units, arrived), data))
 }
 
 /// Sends one message to each target of the moves; returns the messages received, ordered by rank.
@@ -129,7 +132,8 @@ fn exchange<C: Comm>(
     for (to, units) in moves.iter() {
         sendings.push(scale.start_send(to, Tag::MIGRATION, message(units))?);
     }
-    let sends_here = |targets: &Message| targets.values::<u64>().is_some_and(|targets| targets.contains(&(rank as u64)));
+    let sends_here =
+        |targets: &Message| targets.values::<u64>().is_some_and(|targets| targets.contains(&(rank as u64)));
     let mut received = Vec::new();
     for (from, _) in all.iter().enumerate().filter(|(_, targets)| sends_here(targets)) {
         received.push((from, scale.receive(from, Tag::MIGRATION)?));

@@ -69,6 +69,4 @@ pub use planner::{Affinity, Metis};
 pub use planner::{Diffusive, Greedy, LongestFirst, Planner, plan};
 pub use predictor::{Predictor, Quantity};
 pub use trigger::{Estimate, Trigger, TriggerParams};
-pub use weights::{
-    Cost, CostHistory, FEATURES, Iterations, Seconds, Unit, Weights, rank_correlation, record, skill,
-};
+pub use weights::{Cost, CostHistory, FEATURES, Iterations, Seconds, Unit, Weights, rank_correlation, record, skill};

@@ -42,7 +42,8 @@ pub struct CostHistory {
     pub smooth_iterations: f64,
     /// Exponentially smoothed logarithm of the seconds.
     pub smooth_seconds: f64,
-    /// The features of the last sweep.
+    /// The features of the last sweep. The caller may replace them by others that are known before the next sweep; they
+    /// must then be replaced before every sweep, ahead of its weights.
     pub features: [f64; FEATURES],
 }
 

@@ -1,7 +1,8 @@
 //! Load balancing: the three phases, separately and together, and the calls that are rejected.
 
 use biotissue::coupling::balance::{
-    BalanceError, Diffusive, Greedy, Loads, LongestFirst, Migration, MigrationPlan, Moves, Origin, Planner, migrate, plan,
+    BalanceError, Diffusive, Greedy, Loads, LongestFirst, Migration, MigrationPlan, Moves, Origin, Planner, migrate,
+    plan,
 };
 use biotissue::coupling::{
     Channel, Coupling, CouplingError, Distribution, EvenPartition, Plan, Role, Scales, Share, UnitId,

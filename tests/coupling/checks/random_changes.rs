@@ -140,7 +140,9 @@ impl<C: Comm> TestedCoupling<C> {
         }
         if moved == Role::Producer {
             let all = std::mem::replace(&mut self.expected, vec![Vec::new(); ranks]);
-            for (rank, unit) in all.into_iter().enumerate().flat_map(|(rank, units)| units.into_iter().map(move |u| (rank, u))) {
+            for (rank, unit) in
+                all.into_iter().enumerate().flat_map(|(rank, units)| units.into_iter().map(move |u| (rank, u)))
+            {
                 self.expected[targets.get(&unit).copied().unwrap_or(rank)].push(unit);
             }
         }

@@ -47,8 +47,7 @@ impl Affinity {
             neighbor.indices.iter().for_each(|&index| own[index as usize] = neighbor.rank as u32);
         }
         let all = coupling.local_comm.gather_all(Message::of(&own)).map_err(|error| coupling.failed(error))?;
-        let groups: Vec<u32> =
-            all.iter().filter_map(|message| message.values::<u32>()).flatten().copied().collect();
+        let groups: Vec<u32> = all.iter().filter_map(|message| message.values::<u32>()).flatten().copied().collect();
         Ok(Self::of_groups(&groups))
     }
 }

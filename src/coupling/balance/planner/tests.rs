@@ -94,7 +94,10 @@ fn greedy_reaches_the_least_largest_load_of_all_intervals() {
         let loads = Loads::new(&all).unwrap();
         let after = loads.after(&Greedy.plan(&loads).unwrap()).unwrap();
         let largest = after.sums().into_iter().fold(0.0, f64::max);
-        assert!((largest - least_largest(&weights, ranks)).abs() < 1e-3, "seed {seed}: {weights:?} on {ranks}: {after:?}");
+        assert!(
+            (largest - least_largest(&weights, ranks)).abs() < 1e-3,
+            "seed {seed}: {weights:?} on {ranks}: {after:?}"
+        );
     }
 }
 
@@ -183,14 +186,23 @@ fn functions_are_planners() {
     assert!(planned.is_err_and(|failed| failed.reason.contains("for 7 ranks")));
 }
 
-/// Plans for as many ranks as the largest machines have.
+/// Plans for as many ranks as the largest machines have; `--nocapture` shows the times.
 #[test]
 fn planning_scales_to_65536_ranks() {
-    let loads = random_loads(3, 65_536, 10);
-    let start = std::time::Instant::now();
-    for planner in [&Greedy as &dyn Planner, &LongestFirst::default(), &Diffusive::default()] {
-        let after = loads.after(&planner.plan(&loads).unwrap()).unwrap();
-        assert!(after.max_over_mean() < loads.max_over_mean());
+    let loads = random_loads(3, 65_536, 20);
+    let all: [(&str, &dyn Planner); 3] =
+        [("greedy", &Greedy), ("longest first", &LongestFirst::default()), ("diffusive", &Diffusive::default())];
+    for (name, planner) in all {
+        let start = std::time::Instant::now();
+        let plan = planner.plan(&loads).unwrap();
+        let seconds = start.elapsed().as_secs_f64();
+        let after = loads.after(&plan).unwrap().max_over_mean();
+        println!(
+            "{name}: {seconds:.2} s, {} of {} units, {:.3} to {after:.3}",
+            plan.len(),
+            loads.units(),
+            loads.max_over_mean()
+        );
+        assert!(after < loads.max_over_mean() && seconds < 30.0, "{name}");
     }
-    assert!(start.elapsed().as_secs() < 60, "{:?}", start.elapsed());
 }

@@ -1,7 +1,7 @@
 //! Predictions of synthetic series of costs.
 
 use super::super::weights::{Iterations, Seconds};
-use super::super::{LongestFirst, Loads, Planner, max_over_mean};
+use super::super::{Loads, LongestFirst, Planner, max_over_mean};
 use super::*;
 use crate::coupling::thread;
 use crate::las::Comm;
