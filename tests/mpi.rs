@@ -18,7 +18,8 @@ use biotissue::backends::comm::mpi::{MpiComm, run};
 use biotissue::las::{Comm, Message, ReceiveRequest, Tag};
 use bytemuck::{cast_slice, cast_slice_mut};
 
-use checks::{Outcome, random_changes, ranks, scales, units};
+use biotissue::coupling::balance::{Moves, migrate};
+use checks::{Outcome, balance, random_changes, ranks, scales, units};
 use launcher::Launcher;
 
 /// The environment variable with the name of what a launched process runs.
@@ -65,6 +66,11 @@ const CHECKS: &[Check] = &[
     ("one_by_one", units::units_that_are_added_one_by_one_are_distributed_evenly),
     ("invalid_calls", units::invalid_calls_are_errors),
     ("ring", units::three_scales_are_coupled_in_a_ring),
+    ("published_migration", balance::the_published_example_in_three_phases),
+    ("published_balance", balance::the_published_coupling_is_balanced),
+    ("several_couplings_migrate", balance::several_couplings_follow_one_migration),
+    ("invalid_moves", balance::invalid_moves_are_errors_on_all_ranks),
+    ("receive_before_a_migration", balance::receives_started_before_a_migration_are_rejected),
     ("random_changes", random_changes_of_two_scales),
     ("random_changes_of_three", random_changes_of_three_scales),
 ];
@@ -81,6 +87,9 @@ const FAILURES: &[Failure] = &[
     ("a_rank_that_fails_while_others_wait_in_a_collective", fail_in_a_collective, "the law is broken"),
     ("a_rank_that_panics", panic_on_one_rank, "one too many"),
     ("a_rank_that_is_killed", kill_one_rank, "signal 9"),
+    ("a_rank_that_fails_before_a_migration", fail_before_a_migration, "the law is broken"),
+    ("a_rank_that_panics_during_a_migration", panic_during_a_migration, "one too many"),
+    ("a_rank_that_is_killed_during_a_migration", die_during_a_migration, "signal 9"),
 ];
 
 fn main() -> ExitCode {
@@ -245,7 +254,42 @@ fn panic_on_one_rank(comm: &MpiComm) -> Outcome {
 
 fn kill_one_rank(comm: &MpiComm) -> Outcome {
     if comm.rank() == 1 {
-        Command::new("sh").args(["-c", &format!("kill -9 {}", std::process::id())]).status()?;
+        kill_this_process()?;
     }
+    wait_forever(comm)
+}
+
+fn kill_this_process() -> Outcome {
+    Command::new("sh").args(["-c", &format!("kill -9 {}", std::process::id())]).status()?;
+    Ok(())
+}
+
+fn fail_before_a_migration(comm: &MpiComm) -> Outcome {
+    if comm.rank() == 1 {
+        return Err("the law is broken".into());
+    }
+    migrate_to_the_next_rank(comm, || Ok(()))
+}
+
+fn panic_during_a_migration(comm: &MpiComm) -> Outcome {
+    migrate_to_the_next_rank(comm, || {
+        assert!(comm.rank() != 1, "one too many");
+        Ok(())
+    })
+}
+
+fn die_during_a_migration(comm: &MpiComm) -> Outcome {
+    migrate_to_the_next_rank(comm, || if comm.rank() == 1 { kill_this_process() } else { Ok(()) })
+}
+
+/// Moves units that are so long that they are sent only when they are received, and calls `fail` between two of them.
+fn migrate_to_the_next_rank(comm: &MpiComm, fail: impl Fn() -> Outcome) -> Outcome {
+    let moves = Moves::default().with(&[0, 1], (comm.rank() + 1) % comm.size());
+    migrate(comm, &moves, &[0, 1], |index| {
+        if index == 1 {
+            fail().expect("the shell kills");
+        }
+        Message::zeros(1 << 24)
+    })?;
     wait_forever(comm)
 }

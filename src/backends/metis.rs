@@ -20,6 +20,20 @@ static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
 /// # Errors
 /// Returns a message if a neighbor is out of range or METIS fails (with its status).
 pub fn partition(near: &[Vec<u32>], parts: usize) -> Result<Vec<u32>, String> {
+    partition_weighted(near, &[], parts)
+}
+
+/// Partitions a graph as [`partition`] does, into parts of about equal weight: `weights` contains the weight of every
+/// node, at least zero, or nothing if all have the same. Their sum must be below 2^31.
+///
+/// # Errors
+/// Returns the errors of [`partition`], and a message if the number of weights, a weight, or their sum is out of range.
+pub fn partition_weighted(near: &[Vec<u32>], weights: &[i32], parts: usize) -> Result<Vec<u32>, String> {
+    let sum: i64 = weights.iter().map(|&weight| i64::from(weight)).sum();
+    let fits = weights.is_empty() || weights.len() == near.len();
+    if !fits || weights.iter().any(|&weight| weight < 0) || sum > i64::from(i32::MAX) {
+        return Err(format!("{} weights with the sum {sum} for {} nodes", weights.len(), near.len()));
+    }
     if near.iter().flatten().any(|&node| node as usize >= near.len()) {
         return Err(format!("a neighbor beyond the last of {} nodes", near.len()));
     }
@@ -35,15 +49,18 @@ pub fn partition(near: &[Vec<u32>], parts: usize) -> Result<Vec<u32>, String> {
     }
     let (mut nodes, mut constraints, mut count, mut cut) = (near.len() as idx_t, 1, parts as idx_t, 0);
     let mut part_of: Vec<idx_t> = vec![0; near.len()];
+    let mut weights: Vec<idx_t> = weights.iter().map(|&weight| weight as idx_t).collect();
+    let weights_or_null = if weights.is_empty() { null_mut() } else { weights.as_mut_ptr() };
     // SAFETY: `start` and `neighbors` are the compressed rows of a graph of `nodes` nodes, checked above; the result
-    // has one entry per node. Null selects unit weights, equal parts and the default options.
+    // has one entry per node, and so have the weights, which live as long as the call. Null selects unit weights, equal
+    // parts and the default options.
     let call = || unsafe {
         METIS_PartGraphRecursive(
             &raw mut nodes,
             &raw mut constraints,
             start.as_mut_ptr(),
             neighbors.as_mut_ptr(),
-            null_mut(),
+            weights_or_null,
             null_mut(),
             null_mut(),
             &raw mut count,
@@ -116,9 +133,23 @@ mod tests {
     }
 
     #[test]
+    fn parts_of_a_chain_have_equal_weight() {
+        let near: Vec<Vec<u32>> =
+            (0..40_u32).map(|k| (k.max(1) - 1..(k + 2).min(40)).filter(|&n| n != k).collect()).collect();
+        let weights: Vec<i32> = (0..40).map(|k| if k < 10 { 3 } else { 1 }).collect();
+        let part_of = partition_weighted(&near, &weights, 2).unwrap();
+        let first: i32 = (0..40).filter(|&k| part_of[k] == part_of[0]).map(|k| weights[k]).sum();
+        assert!((27..=33).contains(&first), "{part_of:?}");
+    }
+
+    #[test]
     fn graphs_without_edges_are_accepted_and_invalid_ones_rejected() {
         assert_eq!(partition(&[vec![], vec![], vec![], vec![]], 2), Ok(vec![0, 0, 1, 1]));
         assert!(partition(&[vec![1]], 2).is_err());
+        let pair = [vec![1], vec![0]];
+        assert!(
+            [&[1][..], &[-1, 2], &[i32::MAX, 1]].iter().all(|weights| partition_weighted(&pair, weights, 2).is_err())
+        );
         assert!(nested_dissection(&[0, 1, 2], &[1, 2]).is_err(), "a neighbor beyond the last node");
         assert!(nested_dissection(&[0, 1, 3], &[1, 0]).is_err(), "offsets beyond the neighbors");
         assert!(nested_dissection(&[], &[]).is_err());

@@ -69,9 +69,17 @@ pub enum CouplingError {
         /// Number of units of this rank.
         units: usize,
     },
+    /// The new order of the units is not a permutation of them.
+    #[error("the order of {found} indices is not a permutation of {units} units")]
+    Permutation {
+        /// Number of units of this rank.
+        units: usize,
+        /// Number of indices given.
+        found: usize,
+    },
     /// The units have changed between the start and the end of a receive.
     #[error(
-        "receiving from {producer} on {consumer} was started before units were added or removed: finish it before that"
+        "receiving from {producer} on {consumer} was started before units were added, removed or migrated: finish it before"
     )]
     Changed {
         /// The scale that sends the values.
@@ -180,8 +188,8 @@ impl<C: Comm> Coupling<C> {
     }
 
     /// Returns the coupling in the opposite direction: producer and consumer are exchanged, and every unit goes back to
-    /// its origin. The result is a copy, made without communication; it does not change with later additions and
-    /// removals.
+    /// its origin. The result is a copy, made without communication; it does not change with later additions, removals
+    /// and migrations.
     #[must_use]
     pub fn inverse(&self) -> Self {
         let role = match self.role {

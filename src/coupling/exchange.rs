@@ -180,7 +180,7 @@ impl<T: Payload> Channel<T> {
 
     /// Starts to receive the values of all units of this consumer rank, and returns immediately. The caller may start
     /// further receives before this one is finished. Finish receives in the order in which they were started, before
-    /// any other receive, and before units are added or removed: otherwise MPI aborts the program when a message is
+    /// any other receive, and before units are added, removed or migrated: otherwise MPI aborts the program when a message is
     /// longer than the buffer.
     ///
     /// # Errors
@@ -201,7 +201,7 @@ impl<T: Payload> Channel<T> {
     ///
     /// # Errors
     /// Returns [`CouplingError`] if the arguments are invalid or the communication fails; [`CouplingError::Changed`] if
-    /// units were added or removed since the start, or if the receive was started for another coupling with a different
+    /// units were added, removed or migrated since the start, or if the receive was started for another coupling with a different
     /// number of neighbors.
     pub fn finish_receive<C: Comm>(
         &mut self,

@@ -3,7 +3,8 @@
 //! A *scale* is a code that runs on some of the ranks, on a communicator of its own; it needs no knowledge of the other
 //! scales. A *coupling* is directed: it records which *units* of the producer scale's data go to which ranks of the
 //! consumer scale. A *channel* transfers values of the units point to point, between neighbors only. Units have numbers
-//! of their own, so that results need not depend on their distribution; they can be added and removed at run time.
+//! of their own, so that results need not depend on their distribution; they can be added and removed at run time, and
+//! [move from rank to rank](balance) so that all ranks have the same load.
 //!
 //! # Example: two scales on threads, with units that are added and removed
 //!
@@ -51,6 +52,7 @@
 //!
 //! After chapter 2 of W. R. Tobin, *The Adaptive Multiscale Simulation Infrastructure* (RPI 2018).
 
+pub mod balance;
 mod config;
 mod couple;
 mod data;

@@ -1,5 +1,6 @@
 //! Tests of scales and couplings on ranks that are threads.
 
+mod balance;
 mod checks;
 mod random_changes;
 mod ranks;

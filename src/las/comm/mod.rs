@@ -26,6 +26,9 @@ pub struct Tag(pub(crate) u32);
 impl Tag {
     /// The tag of the collectives.
     pub(crate) const COLLECTIVE: Self = Self(0);
+    /// The tag of units that migrate between the ranks of a scale, beyond all user tags.
+    pub(crate) const MIGRATION: Self = Self(2 + u16::MAX as u32);
+
     /// A user tag, for use on a communicator of the user's own ([`Comm::duplicate`]).
     pub const fn of(number: u16) -> Self {
         Self(1 + number as u32)

@@ -1,6 +1,7 @@
 //! Checks for ranks of any kind. All ranks of a communicator run a check together; a check that needs more ranks than
 //! there are does nothing.
 
+pub mod balance;
 pub mod random_changes;
 pub mod ranks;
 pub mod scales;

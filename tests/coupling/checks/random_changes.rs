@@ -1,9 +1,10 @@
 //! Random sequences of changes to couplings: every unit arrives exactly once and in order, whichever units are added
-//! or removed.
+//! or removed, and whichever rank of either side they migrate to.
 
 use std::collections::{BTreeMap, HashSet};
 use std::ops::Range;
 
+use biotissue::coupling::balance::{Migration, Moves, migrate};
 use biotissue::coupling::{
     Channel, Coupling, CouplingError, Distribution, EvenPartition, Plan, Role, Scales, Share, UnitId, WeightedPartition,
 };
@@ -40,9 +41,10 @@ fn run_sequence<C: Comm>(comm: &C, seed: u64, count: usize) -> Outcome {
     }
     for step in 0..=draw.random.below(6) {
         let which = draw.random.below(tested.len());
-        match draw.random.below(3) {
+        match draw.random.below(5) {
             0 if step > 0 => tested[which].add_units(&mut draw)?,
             1 if step > 0 => tested[which].remove_units(&mut draw)?,
+            2 | 3 if step > 0 => tested[which].migrate_units(&mut draw)?,
             _ => {}
         }
         for coupling in &mut tested {
@@ -87,20 +89,22 @@ impl RandomChoices {
 struct TestedCoupling<C: Comm> {
     /// The side of this rank; `None` on the ranks of a third scale, which only draw the same random numbers.
     side: Option<Side<C>>,
-    /// The expected units, by rank of the producer.
+    /// The expected units, by rank of the producer; the order is that of the data on this rank only.
     expected: Vec<Vec<UnitId>>,
+    /// Number of ranks of the consumer.
+    consumers: usize,
 }
 
 impl<C: Comm> TestedCoupling<C> {
     fn new(scales: &Scales<C>, names: [&str; 2], draw: &mut RandomChoices) -> Result<Self, Error> {
-        let producer = scales.find(names[0]).ok_or("there is no such scale")?;
-        let expected = draw.units(scales.ranks(producer).len(), 9);
+        let ranks = |name| Ok::<_, Error>(scales.ranks(scales.find(name).ok_or("there is no such scale")?).len());
+        let (expected, consumers) = (draw.units(ranks(names[0])?, 9), ranks(names[1])?);
         let partition = draw.random.below(3);
         let own = scales.name(scales.own());
         let rank = scales.comm().rank();
         let units: &[UnitId] = if own == names[0] { &expected[rank] } else { &[] };
         let side = if names.contains(&own) { Some(Side::new(scales, names, units, partition)?) } else { None };
-        Ok(Self { side, expected })
+        Ok(Self { side, expected, consumers })
     }
 
     /// Adds units and exchanges the values of these units only.
@@ -115,13 +119,58 @@ impl<C: Comm> TestedCoupling<C> {
 
     /// Removes about a third of the units.
     fn remove_units(&mut self, draw: &mut RandomChoices) -> Result<(), CouplingError> {
-        let all = self.expected.iter().flatten().copied();
-        let removed: HashSet<UnitId> = all.filter(|_| draw.random.below(3) == 0).collect();
+        let removed: HashSet<UnitId> = self.all_units().into_iter().filter(|_| draw.random.below(3) == 0).collect();
         if let Some(side) = &mut self.side {
             side.remove_units(&removed)?;
         }
         self.expected.iter_mut().for_each(|expected| expected.retain(|unit| !removed.contains(unit)));
         Ok(())
+    }
+
+    /// Moves about half of the units of the producer or of the consumer to other ranks of the same scale. Then, at times,
+    /// takes the permutation on one of the sides.
+    fn migrate_units(&mut self, draw: &mut RandomChoices) -> Outcome {
+        let moved = [Role::Producer, Role::Consumer][draw.random.below(2)];
+        let ranks = if moved == Role::Producer { self.expected.len() } else { self.consumers };
+        let targets = self.all_units().into_iter().map(|unit| (unit, draw.random.below(2 * ranks)));
+        let targets: BTreeMap<UnitId, usize> = targets.filter(|&(_, to)| to < ranks).collect();
+        let (is_announced, permuted) = (draw.random.below(3) == 0, draw.random.below(4));
+        if let Some(side) = &mut self.side {
+            side.migrate_units(moved, &targets, is_announced)?;
+        }
+        if moved == Role::Producer {
+            let all = std::mem::replace(&mut self.expected, vec![Vec::new(); ranks]);
+            for (rank, unit) in
+                all.into_iter().enumerate().flat_map(|(rank, units)| units.into_iter().map(move |u| (rank, u)))
+            {
+                self.expected[targets.get(&unit).copied().unwrap_or(rank)].push(unit);
+            }
+        }
+        let Some(side) = &mut self.side else { return Ok(()) };
+        if moved == Role::Producer && side.coupling.role() == Role::Producer {
+            let (mut found, mut expected) = (side.coupling.units().to_vec(), self.expected[side.rank].clone());
+            self.expected[side.rank].clone_from(&found);
+            found.sort_unstable();
+            expected.sort_unstable();
+            assert_eq!(found, expected);
+        }
+        if permuted == side.coupling.role() as usize {
+            let former = side.coupling.units().to_vec();
+            let order = side.coupling.take_permutation();
+            let reordered: Vec<UnitId> = order.into_iter().map(|index| former[index as usize]).collect();
+            assert_eq!(reordered, side.coupling.units());
+            if side.coupling.role() == Role::Producer {
+                self.expected[side.rank] = reordered;
+            }
+        }
+        Ok(())
+    }
+
+    /// Returns all units in ascending order, the same on all ranks.
+    fn all_units(&self) -> Vec<UnitId> {
+        let mut all = self.expected.concat();
+        all.sort_unstable();
+        all
     }
 
     fn exchange(&mut self) -> Result<(), CouplingError> {
@@ -158,6 +207,7 @@ impl<C: Comm> TestedCoupling<C> {
 /// One side of a coupling, with channels in both directions.
 struct Side<C: Comm> {
     coupling: Coupling<C>,
+    scale: C,
     /// The number of this rank within its scale.
     rank: usize,
     there: Channel<Load>,
@@ -175,7 +225,7 @@ impl<C: Comm> Side<C> {
             _ => Coupling::new(scales, from, to, units, &[], &one_consumer)?,
         };
         let (there, back) = (Channel::new(&coupling)?, Channel::new(&coupling.inverse())?);
-        Ok(Self { coupling, rank: scales.comm().rank(), there, back })
+        Ok(Self { coupling, scale: scales.comm().clone(), rank: scales.comm().rank(), there, back })
     }
 
     fn add_units(&mut self, new: &[Vec<UnitId>]) -> Result<(), CouplingError> {
@@ -203,6 +253,44 @@ impl<C: Comm> Side<C> {
         };
         let kept: Vec<UnitId> = kept.into_iter().map(|index| before[index as usize]).collect();
         assert_eq!(kept, self.coupling.units());
+        Ok(())
+    }
+}
+
+impl<C: Comm> Side<C> {
+    /// Moves the units with a target on the scale with the role `moved`, together with data of theirs, or else only
+    /// announces their migration.
+    fn migrate_units(&mut self, moved: Role, targets: &BTreeMap<UnitId, usize>, is_announced: bool) -> Outcome {
+        if self.coupling.role() != moved {
+            let before = self.coupling.units().to_vec();
+            self.coupling.reconcile_migrated()?;
+            assert_eq!(self.coupling.units(), before);
+            return Ok(());
+        }
+        let before = self.coupling.units().to_vec();
+        let mut moves = Moves::default();
+        for (index, unit) in (0..).zip(&before) {
+            if let Some(&to) = targets.get(unit).filter(|&&to| to != self.rank) {
+                moves = moves.with(&[index], to);
+            }
+        }
+        if is_announced {
+            let migration = Migration::announce(&self.scale, &moves, &before)?;
+            self.coupling.migrate(&migration)?;
+            let stayed = migration.stayed().iter().map(|&index| &before[index as usize]);
+            assert!(self.coupling.units().iter().take(migration.stayed().len()).eq(stayed));
+            return Ok(());
+        }
+        // The data of a unit: its number, as often as is different for each.
+        let data = |unit: UnitId| Message::of(&vec![unit; 1 + (unit % 4) as usize]);
+        let (migration, arrived) = migrate(&self.scale, &moves, &before, |index| data(before[index]))?;
+        let is_complete = |message: &Message| message.values().is_some_and(|units: &[u64]| *message == data(units[0]));
+        assert!(arrived.iter().all(is_complete));
+        assert!(migration.arrived().is_sorted() && migration.arrived().len() == arrived.len());
+        let arrived = arrived.iter().map(|message| message.values::<u64>().unwrap_or_default()[0]).collect();
+        let data = migration.apply(before, arrived)?;
+        self.coupling.migrate(&migration)?;
+        assert_eq!(self.coupling.units(), data);
         Ok(())
     }
 }

@@ -1,0 +1,213 @@
+//! The loads of all ranks of a scale: what a planner knows.
+
+use super::error::BalanceError;
+use super::plan::MigrationPlan;
+use crate::las::{Comm, Message};
+
+/// The weight of every unit of a scale, by rank, and optionally its size in bytes.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Loads {
+    /// Weights of the units of all ranks, one rank after the other.
+    weights: Vec<f64>,
+    /// Sizes of the units; empty if they are unknown.
+    bytes: Vec<u64>,
+    /// The position of the first unit of each rank, and the number of all units.
+    offsets: Vec<usize>,
+}
+
+impl Loads {
+    /// Creates the loads from the weights of the units of each rank. A unit whose weight is NaN has an unknown weight
+    /// and gets the mean of the known ones, or 1 if none is known.
+    ///
+    /// # Errors
+    /// Returns [`BalanceError::Weight`] if a weight is negative or infinite.
+    pub fn new(weights: &[Vec<f64>]) -> Result<Self, BalanceError> {
+        let mut loads = Self { offsets: vec![0], ..Self::default() };
+        weights.iter().try_for_each(|weights| loads.push(weights))?;
+        loads.fill_unknown();
+        Ok(loads)
+    }
+
+    /// Gathers the weights of all units of a scale; each rank passes those of its units, as for [`new`](Self::new), and
+    /// the number of bytes that a migration of each unit would send, or none. Collective over the scale.
+    ///
+    /// # Errors
+    /// Returns [`BalanceError`] on all ranks if a weight is negative or infinite, if a rank passes another number of
+    /// sizes than weights, or if the communication fails.
+    pub fn gather<C: Comm>(scale: &C, weights: &[f64], bytes: &[u64]) -> Result<Self, BalanceError> {
+        let mut own = vec![Message::of(weights)];
+        own.extend((!bytes.is_empty()).then(|| Message::of(bytes)));
+        let all = scale.gather_all(Message::join(own))?;
+        let mut loads = Self { offsets: vec![0], ..Self::default() };
+        let mut sizes = Vec::with_capacity(all.len());
+        for message in &all {
+            let parts = message.split().unwrap_or_default();
+            let part = |at: usize| parts.get(at).copied().unwrap_or_default();
+            loads.push(bytemuck::try_cast_slice(part(0)).unwrap_or_default())?;
+            let bytes: &[u64] = bytemuck::try_cast_slice(part(1)).unwrap_or_default();
+            loads.bytes.extend_from_slice(bytes);
+            sizes.push(bytes.len());
+        }
+        let mut counts = loads.counts().into_iter().zip(sizes).enumerate();
+        if let Some((rank, (units, found))) = counts.find(|(_, (units, found))| units != found)
+            && !loads.bytes.is_empty()
+        {
+            return Err(BalanceError::Count { rank, units, found, what: "sizes" });
+        }
+        loads.fill_unknown();
+        Ok(loads)
+    }
+
+    fn push(&mut self, weights: &[f64]) -> Result<(), BalanceError> {
+        if let Some(unit) = weights.iter().position(|&weight| weight < 0.0 || weight.is_infinite()) {
+            return Err(BalanceError::Weight { rank: self.ranks(), unit, weight: weights[unit] });
+        }
+        self.weights.extend_from_slice(weights);
+        self.offsets.push(self.weights.len());
+        Ok(())
+    }
+
+    fn fill_unknown(&mut self) {
+        let known = self.weights.iter().filter(|weight| !weight.is_nan());
+        let (sum, count) = known.fold((0.0, 0_usize), |(sum, count), weight| (sum + weight, count + 1));
+        let mean = if count > 0 { sum / count as f64 } else { 1.0 };
+        self.weights.iter_mut().filter(|weight| weight.is_nan()).for_each(|weight| *weight = mean);
+    }
+
+    /// Returns the number of ranks.
+    pub fn ranks(&self) -> usize {
+        self.offsets.len().saturating_sub(1)
+    }
+
+    /// Returns the number of units of all ranks.
+    pub fn units(&self) -> usize {
+        self.weights.len()
+    }
+
+    /// Returns the weights of the units of a rank.
+    pub fn of(&self, rank: usize) -> &[f64] {
+        &self.weights[self.offsets[rank]..self.offsets[rank + 1]]
+    }
+
+    /// Returns the weights of the units of all ranks, one rank after the other.
+    pub fn weights(&self) -> &[f64] {
+        &self.weights
+    }
+
+    /// Returns the rank of every unit, in the order of [`weights`](Self::weights).
+    pub fn rank_of_units(&self) -> Vec<u32> {
+        let ranks = self.offsets.windows(2).zip(0_u32..);
+        ranks.flat_map(|(ends, rank)| std::iter::repeat_n(rank, ends[1] - ends[0])).collect()
+    }
+
+    /// Returns the number of units of each rank.
+    pub fn counts(&self) -> Vec<usize> {
+        self.offsets.windows(2).map(|ends| ends[1] - ends[0]).collect()
+    }
+
+    /// Returns the weight of each rank.
+    pub fn sums(&self) -> Vec<f64> {
+        (0..self.ranks()).map(|rank| self.of(rank).iter().sum()).collect()
+    }
+
+    /// Returns the weight of all units.
+    pub fn total(&self) -> f64 {
+        self.sums().iter().sum()
+    }
+
+    /// Returns the weight of the most loaded rank over the mean of all ranks; 1 if no unit has any weight.
+    pub fn max_over_mean(&self) -> f64 {
+        max_over_mean(&self.sums())
+    }
+
+    /// Returns the number of bytes of a unit; 0 if the sizes are unknown.
+    pub fn bytes(&self, rank: usize, unit: u32) -> u64 {
+        self.bytes.get(self.offsets[rank] + unit as usize).copied().unwrap_or(0)
+    }
+
+    /// Returns the loads after the units have migrated: on each rank, the units that stayed in their order, followed by
+    /// those that arrived, ordered by origin rank and index.
+    ///
+    /// # Errors
+    /// Returns [`BalanceError`] if the plan does not fit.
+    pub fn after(&self, plan: &MigrationPlan) -> Result<Self, BalanceError> {
+        plan.check(&self.counts())?;
+        let mut moved = vec![false; self.units()];
+        let mut arrived: Vec<Vec<usize>> = vec![Vec::new(); self.ranks()];
+        for rank in 0..self.ranks() {
+            for (to, units) in plan.of(rank).iter() {
+                for &unit in units {
+                    let at = self.offsets[rank] + unit as usize;
+                    moved[at] = true;
+                    arrived[to].push(at);
+                }
+            }
+        }
+        let mut after = Self { offsets: vec![0], ..Self::default() };
+        for (rank, arrived) in arrived.iter().enumerate() {
+            let stayed = (self.offsets[rank]..self.offsets[rank + 1]).filter(|&at| !moved[at]);
+            for at in stayed.chain(arrived.iter().copied()) {
+                after.weights.push(self.weights[at]);
+                after.bytes.extend(self.bytes.get(at));
+            }
+            after.offsets.push(after.weights.len());
+        }
+        Ok(after)
+    }
+}
+
+/// Returns the largest of the loads over their mean; 1 if they are all zero.
+pub fn max_over_mean(loads: &[f64]) -> f64 {
+    let (sum, max) = loads.iter().fold((0.0, 0.0_f64), |(sum, max), &load| (sum + load, max.max(load)));
+    if sum > 0.0 { max * loads.len() as f64 / sum } else { 1.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::coupling::balance::Moves;
+    use crate::coupling::thread;
+
+    #[test]
+    fn unknown_weights_are_the_mean_of_the_known_ones() {
+        let loads = Loads::new(&[vec![1.0, f64::NAN], vec![], vec![3.0]]).unwrap();
+        assert_eq!((loads.sums(), loads.total(), loads.counts()), (vec![3.0, 0.0, 3.0], 6.0, vec![2, 0, 1]));
+        assert_eq!((loads.max_over_mean(), loads.rank_of_units()), (1.5, vec![0, 0, 2]));
+        assert_eq!(Loads::new(&[vec![f64::NAN; 2]]).unwrap().total(), 2.0);
+        assert_eq!(Loads::new(&[vec![0.0], vec![]]).unwrap().max_over_mean(), 1.0);
+        let error = Loads::new(&[vec![], vec![1.0, -2.0]]).map_err(|error| error.to_string());
+        assert_eq!(error, Err("the weight of unit 1 of rank 1 is -2; it must be finite and not negative".into()));
+    }
+
+    #[test]
+    fn loads_after_a_migration_are_in_the_order_of_the_data() {
+        let loads = Loads::new(&[vec![1.0, 2.0, 3.0], vec![4.0], vec![5.0]]).unwrap();
+        let mut plan = MigrationPlan::new(3);
+        plan.set(0, Moves::default().with(&[1], 2));
+        plan.set(1, Moves::default().with(&[0], 2));
+        let after = Loads::new(&[vec![1.0, 3.0], vec![], vec![5.0, 2.0, 4.0]]).unwrap();
+        assert_eq!(loads.after(&plan), Ok(after));
+        assert!(matches!(loads.after(&MigrationPlan::new(2)), Err(BalanceError::Ranks { found: 2, ranks: 3 })));
+    }
+
+    #[test]
+    fn all_ranks_gather_the_same_loads() {
+        let loads = thread::run(3, |comm| {
+            let own: &[f64] = [&[1.0, 2.0][..], &[], &[3.0]][comm.rank()];
+            let bytes: &[u64] = [&[8, 9][..], &[], &[7]][comm.rank()];
+            Loads::gather(&comm, own, bytes)
+        });
+        let loads = loads.unwrap();
+        assert!(loads.iter().all(|loads| *loads == loads_of_bytes()), "{loads:?}");
+        assert_eq!((loads[0].bytes(0, 1), loads[0].bytes(2, 0)), (9, 7));
+        let failed = thread::run(2, |comm| Loads::gather(&comm, &[1.0, 1.0], &[1, 2][..1 + comm.rank()]));
+        assert_eq!(failed.unwrap_err().reason, "rank 0 has 2 units, but 1 sizes were given");
+        let failed = thread::run(2, |comm| Loads::gather(&comm, &[1.0], &[1][..comm.rank()]));
+        assert_eq!(failed.unwrap_err().reason, "rank 0 has 1 units, but 0 sizes were given");
+    }
+
+    fn loads_of_bytes() -> Loads {
+        let loads = Loads::new(&[vec![1.0, 2.0], vec![], vec![3.0]]).unwrap();
+        Loads { bytes: vec![8, 9, 7], ..loads }
+    }
+}

@@ -1,0 +1,233 @@
+//! When to balance.
+
+use super::error::BalanceError;
+use super::loads::Loads;
+use super::plan::MigrationPlan;
+
+/// Parameters of a [`Trigger`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TriggerParams {
+    /// The value of max/mean from which on a sweep counts as unbalanced.
+    pub threshold: f64,
+    /// Number of consecutive unbalanced sweeps after which a migration is due.
+    pub sweeps: usize,
+    /// Number of sweeps after a migration that do not count.
+    pub cool_down: usize,
+    /// Number of sweeps for which a migration is expected to be of use.
+    pub horizon: f64,
+    /// Estimate of the seconds that a migration takes, until one is measured.
+    pub seconds_per_migration: f64,
+    /// Estimate of the seconds per byte that the busiest rank sends and receives, until a migration is measured.
+    pub seconds_per_byte: f64,
+}
+
+impl Default for TriggerParams {
+    fn default() -> Self {
+        Self {
+            threshold: 1.35,
+            sweeps: 3,
+            cool_down: 3,
+            horizon: 10.0,
+            seconds_per_migration: 1e-2,
+            seconds_per_byte: 2e-9,
+        }
+    }
+}
+
+/// What a plan is expected to gain and to cost.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Estimate {
+    /// Seconds by which the sweeps of the horizon become shorter.
+    pub gain: f64,
+    /// Seconds that the migration takes.
+    pub cost: f64,
+    /// The value of max/mean that the plan leaves.
+    pub max_over_mean: f64,
+}
+
+impl Estimate {
+    /// Returns true if the plan should be carried out.
+    pub fn pays(&self) -> bool {
+        self.gain > self.cost
+    }
+}
+
+/// Decides when a migration is due, and whether a plan pays. All ranks of a scale call it with the same numbers (for
+/// times, the maximum of all ranks, [`Comm::max`](crate::las::Comm::max)), and decide equally.
+#[derive(Clone, Debug)]
+pub struct Trigger {
+    params: TriggerParams,
+    /// Number of consecutive unbalanced sweeps.
+    unbalanced: usize,
+    /// Number of further sweeps that do not count.
+    cool_down: usize,
+    cost: MigrationCost,
+    /// The fraction of the expected gains that former migrations achieved.
+    achieved: f64,
+    /// The values of max/mean before the last migration, and expected after it, until the next sweep.
+    expected: Option<[f64; 2]>,
+}
+
+/// The weight of former measurements relative to the next one.
+const FORGETTING: f64 = 0.5;
+
+impl Trigger {
+    /// Creates a trigger.
+    pub fn new(params: TriggerParams) -> Self {
+        let cost = MigrationCost::new(params.seconds_per_migration, params.seconds_per_byte);
+        Self { params, unbalanced: 0, cool_down: 0, cost, achieved: 1.0, expected: None }
+    }
+
+    /// Records the measured max/mean of a sweep; returns true if a migration is due. If its plan is not carried out,
+    /// the next one is due after as many unbalanced sweeps.
+    pub fn observe(&mut self, max_over_mean: f64) -> bool {
+        if let Some([before, after]) = self.expected.take()
+            && before > after
+        {
+            let achieved = ((before - max_over_mean) / (before - after)).clamp(0.0, 1.0);
+            self.achieved = FORGETTING * self.achieved + (1.0 - FORGETTING) * achieved;
+        }
+        if self.cool_down > 0 {
+            self.cool_down -= 1;
+            return false;
+        }
+        self.unbalanced = if max_over_mean >= self.params.threshold { self.unbalanced + 1 } else { 0 };
+        let is_due = self.unbalanced >= self.params.sweeps.max(1);
+        if is_due {
+            self.unbalanced = 0;
+        }
+        is_due
+    }
+
+    /// Estimates what a plan gains and costs, from the duration of the last sweep on the slowest rank. The gain is
+    /// reduced by the fraction of the expected gains that former migrations missed.
+    ///
+    /// # Errors
+    /// Returns [`BalanceError`] if the plan does not fit the loads.
+    pub fn estimate(&self, loads: &Loads, plan: &MigrationPlan, sweep_seconds: f64) -> Result<Estimate, BalanceError> {
+        let (before, after) = (loads.max_over_mean(), loads.after(plan)?.max_over_mean());
+        let gain = self.achieved * self.params.horizon * sweep_seconds * (1.0 - after / before);
+        Ok(Estimate { gain, cost: self.cost.seconds(plan.bytes(loads)), max_over_mean: after })
+    }
+
+    /// Records a plan that was not carried out because it does not [pay](Estimate::pays). Lets old disappointments
+    /// fade, so that balancing is tried again when the costs have become regular.
+    pub fn declined(&mut self) {
+        self.achieved += 0.1 * (1.0 - self.achieved);
+    }
+
+    /// Records a migration that was carried out, with the measured seconds that all its phases took, and starts the
+    /// cool-down.
+    pub fn migrated(&mut self, loads: &Loads, plan: &MigrationPlan, estimate: &Estimate, seconds: f64) {
+        self.cost.measure(plan.bytes(loads), seconds);
+        self.cool_down = self.params.cool_down;
+        self.expected = Some([loads.max_over_mean(), estimate.max_over_mean]);
+    }
+}
+
+/// Seconds per migration and per byte: the line of least squares through the measurements and two points of the first
+/// estimate.
+#[derive(Clone, Debug)]
+struct MigrationCost {
+    /// Weighted sums of 1, bytes, squared bytes, seconds, and bytes times seconds.
+    sums: [f64; 5],
+}
+
+impl MigrationCost {
+    fn new(per_migration: f64, per_byte: f64) -> Self {
+        /// The size for which the first estimate is as certain as for no bytes.
+        const BYTES: f64 = 1e6;
+        let mut cost = Self { sums: [0.0; 5] };
+        cost.add(0.0, per_migration);
+        cost.add(BYTES, per_migration + per_byte * BYTES);
+        cost
+    }
+
+    fn add(&mut self, bytes: f64, seconds: f64) {
+        let terms = [1.0, bytes, bytes * bytes, seconds, bytes * seconds];
+        self.sums.iter_mut().zip(terms).for_each(|(sum, term)| *sum += term);
+    }
+
+    fn measure(&mut self, bytes: u64, seconds: f64) {
+        self.sums.iter_mut().for_each(|sum| *sum *= FORGETTING);
+        self.add(bytes as f64, seconds);
+    }
+
+    fn seconds(&self, bytes: u64) -> f64 {
+        let [count, x, xx, y, xy] = self.sums;
+        let spread = count * xx - x * x;
+        let per_byte = if spread > 1e-9 * count * xx { ((count * xy - x * y) / spread).max(0.0) } else { 0.0 };
+        let per_migration = (y - per_byte * x) / count;
+        if per_migration < 0.0 { xy / xx * bytes as f64 } else { per_migration + per_byte * bytes as f64 }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::coupling::balance::{Diffusive, Planner};
+
+    #[test]
+    fn a_migration_is_due_after_three_unbalanced_sweeps() {
+        let mut trigger = Trigger::new(TriggerParams::default());
+        let due = [1.4, 1.4, 1.2, 1.5, 1.35, 1.4, 1.4, 1.4, 1.4].map(|max_over_mean| trigger.observe(max_over_mean));
+        assert_eq!(due, [false, false, false, false, false, true, false, false, true]);
+    }
+
+    fn unbalanced() -> (Loads, MigrationPlan) {
+        let loads = Loads::new(&[vec![1.0; 30], vec![1.0; 10]]).unwrap();
+        let plan = Diffusive { tolerance: 1.0 }.plan(&loads).unwrap();
+        (loads, plan)
+    }
+
+    #[test]
+    fn sweeps_of_the_cool_down_do_not_count() {
+        let (loads, plan) = unbalanced();
+        let mut trigger = Trigger::new(TriggerParams { sweeps: 1, cool_down: 2, ..TriggerParams::default() });
+        assert!(trigger.observe(1.5));
+        let estimate = trigger.estimate(&loads, &plan, 1.0).unwrap();
+        trigger.migrated(&loads, &plan, &estimate, 0.1);
+        assert_eq!([1.5, 1.5, 1.5].map(|max_over_mean| trigger.observe(max_over_mean)), [false, false, true]);
+    }
+
+    #[test]
+    fn a_plan_pays_if_the_sweeps_of_the_horizon_save_more_than_it_costs() {
+        let (loads, plan) = unbalanced();
+        let mut trigger = Trigger::new(TriggerParams { horizon: 6.0, ..TriggerParams::default() });
+        // From 30 to 20: a third of six sweeps.
+        let estimate = trigger.estimate(&loads, &plan, 0.3).unwrap();
+        assert!((estimate.gain - 0.6).abs() < 1e-12 && (estimate.cost - 0.01).abs() < 1e-9, "{estimate:?}");
+        assert!(estimate.pays() && !trigger.estimate(&loads, &plan, 0.004).unwrap().pays());
+        // Migrations turn out to take a second.
+        (0..6).for_each(|_| trigger.migrated(&loads, &plan, &estimate, 1.0));
+        assert!(!trigger.estimate(&loads, &plan, 0.3).unwrap().pays());
+    }
+
+    #[test]
+    fn gains_that_fail_to_appear_are_not_expected_again() {
+        let (loads, plan) = unbalanced();
+        let mut trigger = Trigger::new(TriggerParams::default());
+        let estimate = trigger.estimate(&loads, &plan, 1.0).unwrap();
+        for _ in 0..3 {
+            trigger.migrated(&loads, &plan, &estimate, 0.0);
+            trigger.observe(1.5);
+        }
+        let later = trigger.estimate(&loads, &plan, 1.0).unwrap();
+        assert!((later.gain / estimate.gain - 0.125).abs() < 1e-12, "{later:?}");
+        (0..50).for_each(|_| trigger.declined());
+        assert!(trigger.estimate(&loads, &plan, 1.0).unwrap().gain > 0.9 * estimate.gain);
+    }
+
+    #[test]
+    fn seconds_per_byte_are_measured() {
+        let mut cost = MigrationCost::new(0.01, 2e-9);
+        assert!((cost.seconds(1_000_000_000) - 2.01).abs() < 1e-6);
+        for bytes in [1_000_000, 5_000_000, 2_000_000, 9_000_000, 3_000_000, 7_000_000, 4_000_000, 1_000_000_u64] {
+            cost.measure(bytes, 0.5 + 1e-7 * bytes as f64);
+        }
+        assert!((cost.seconds(6_000_000) - 1.1).abs() < 0.05, "{}", cost.seconds(6_000_000));
+        let mut falling = MigrationCost::new(0.0, 0.0);
+        (0..40).for_each(|k| falling.measure(1000 * (1 + k % 2), (2 - k % 2) as f64));
+        assert!((1.0..=2.0).contains(&falling.seconds(10_000)), "never less for more bytes");
+    }
+}
