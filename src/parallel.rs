@@ -6,6 +6,8 @@
 
 use std::cell::Cell;
 use std::sync::atomic::{AtomicUsize, Ordering};
+#[cfg(any(feature = "app", test))]
+use std::sync::{Mutex, PoisonError};
 
 use rayon::prelude::*;
 
@@ -46,6 +48,23 @@ pub(crate) fn map<I: Send, R: Send>(
         return chunks.into_iter().map(work).collect();
     }
     chunks.into_par_iter().map(work).collect()
+}
+
+/// Calls `work` with every item: each thread takes the next one as soon as it is free. Returns the results in the order
+/// of the items. If the items come in descending order of their cost, the threads end at about the same time.
+#[cfg(any(feature = "app", test))]
+pub(crate) fn take_in_turn<I: Send, R: Send>(items: Vec<I>, work: impl Fn(I) -> R + Sync + Send) -> Vec<R> {
+    if items.len() <= 1 || threads() == 1 {
+        return items.into_iter().map(work).collect();
+    }
+    let mut results: Vec<Option<R>> = items.iter().map(|_| None).collect();
+    let queue = Mutex::new(items.into_iter().enumerate());
+    let next = || queue.lock().unwrap_or_else(PoisonError::into_inner).next();
+    let of_thread =
+        |_| -> Vec<(usize, R)> { std::iter::from_fn(next).map(|(number, item)| (number, work(item))).collect() };
+    let of_threads: Vec<_> = (0..threads()).into_par_iter().with_max_len(1).map(of_thread).collect();
+    of_threads.into_iter().flatten().for_each(|(number, result)| results[number] = Some(result));
+    results.into_iter().flatten().collect()
 }
 
 /// Divides `values` into consecutive slices of the given lengths, the sum of which is theirs.
@@ -139,6 +158,9 @@ pub(crate) mod tests {
         assert_eq!(on_pools(|| try_each(0..1000, |_| Ok::<(), ()>(()))), [Ok(()); 3]);
         for squares in on_pools(|| [collect(10_000, |k| k * k), try_collect(10_000, |k| Ok::<_, ()>(k * k)).unwrap()]) {
             assert!(squares.iter().all(|squares| squares.iter().enumerate().all(|(k, &square)| square == k * k)));
+        }
+        for squares in on_pools(|| take_in_turn((0..1000).collect(), |k: usize| k * k)) {
+            assert!(squares.into_iter().eq((0..1000).map(|k| k * k)));
         }
         let fails_late = |k: usize| if k % 5000 == 3777 { Err(k) } else { Ok(()) };
         assert_eq!(on_pools(|| try_collect(10_000, fails_late)), [const { Err(3777) }; 3]);

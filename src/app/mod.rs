@@ -16,6 +16,7 @@ mod formula_fibers;
 pub mod macro_scale;
 pub mod material_fields;
 mod plausibility;
+mod rank_shares;
 mod recorder;
 pub mod report;
 pub mod results;

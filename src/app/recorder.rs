@@ -6,9 +6,10 @@ use std::sync::Arc;
 use super::case::{Case, SurfaceLoad};
 use super::checkpoint;
 use super::field_files::{FieldFiles, FieldNames, FieldState, PieceIndex};
+use super::rank_shares::RankShares;
 use super::results::collection::Entry;
 use super::results::log::{
-    Balance, Cut, Event, Factorizations, LinearLog, LogWriter, NewtonLog, NewtonSeconds, RankTimes, Ranks, RveLog, Step,
+    Balance, Cut, Event, Factorizations, LinearLog, LogWriter, Migration, NewtonLog, NewtonSeconds, Ranks, RveLog, Step,
 };
 use super::results::{
     self, CASE_FILE, Collection, FIELDS_FILE, FieldFile, LOADS_FILE, LOG_FILE, LoadNames, LoadRow, LoadsWriter,
@@ -75,6 +76,7 @@ pub(super) struct Recorder<'a> {
     written: Vec<FieldFile>,
     progress: &'a mut dyn Progress,
     started: std::time::Instant,
+    shares: RankShares,
     /// The dump of the RVE that made the last attempt fail, if one did.
     failed_rve: Option<PathBuf>,
 }
@@ -146,6 +148,7 @@ impl<'a> Recorder<'a> {
             networks,
             progress,
             started: std::time::Instant::now(),
+            shares: RankShares::default(),
             failed_rve: None,
             written,
         })
@@ -210,11 +213,16 @@ impl<'a> Recorder<'a> {
         self.networks.write(of.step, t, of.field)
     }
 
-    /// Writes the times of all ranks, one entry per trial state.
-    fn write_times(&mut self, step: usize, iterations: &[Vec<RankTimes>]) -> Result<(), ResultsError> {
-        for (iteration, ranks) in (1..).zip(iterations) {
+    /// Writes the times of all ranks, one entry per trial state, and the migrations of RVEs.
+    fn write_times(&mut self, step: usize, field: &impl TissueMaterial) -> Result<(), ResultsError> {
+        let (sweeps, balance) = (field.take_times(), field.take_balance());
+        for &report in &balance.migrations {
+            self.log.write(&Event::Migration(Migration { step, report }))?;
+        }
+        for (iteration, ranks) in (1..).zip(&sweeps) {
             self.log.write(&Event::Ranks(Ranks { step, iteration, ranks: ranks.clone() }))?;
         }
+        self.shares.add(field.ranks()[0], sweeps, &balance);
         Ok(())
     }
 
@@ -262,7 +270,7 @@ impl Recorder<'_> {
         if self.files.is_due(step.step, step.count) {
             self.write_fields(&FieldState::of(step), index)?;
         }
-        self.write_times(step.step, &step.field.take_times())?;
+        self.write_times(step.step, step.field)?;
         let stats = step.field.take_stats();
         let total = std::mem::replace(&mut self.started, std::time::Instant::now()).elapsed().as_secs_f64();
         let mut newton = newton_log(&step.report.solves, step.report.seconds(), total);
@@ -278,6 +286,7 @@ impl Recorder<'_> {
             newton,
             rve: Some(step.field.rve_counts()).filter(|counts| counts.rves > 0).map(|counts| rve_log(&stats, &counts)),
             balance: balance(&step.forces),
+            scales: self.shares.take(),
         };
         self.failed_rve = None;
         self.progress.converged(&line);
@@ -292,7 +301,7 @@ impl Recorder<'_> {
         &mut self,
         attempt: &FailedAttempt<'_, M, F>,
     ) -> Result<(), ResultsError> {
-        self.write_times(attempt.step, &attempt.field.take_times())?;
+        self.write_times(attempt.step, attempt.field)?;
         let failed = attempt.field.take_failed_rve();
         let lost_rve = failed.map(|rve| self.write_failed_rve(attempt.step, attempt.halvings, rve)).transpose()?;
         self.failed_rve = lost_rve.as_ref().map(|file| self.dir.join(file));

@@ -138,6 +138,7 @@ pub fn write(dir: &Path, cells: [usize; 3]) {
             newton: newton(step),
             rve,
             balance: Default::default(),
+            scales: None,
         }))
         .unwrap();
     }

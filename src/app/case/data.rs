@@ -12,6 +12,7 @@ use crate::fem::mesh::shapes::TubeShape;
 use crate::fem::stepping::{AdaptiveIncrements, StepStart};
 use crate::las::Method;
 use crate::tissue::materials::{ElementSelection, Materials, Region, RegionMaterial, RveParams};
+use crate::tissue::two_scale::BalanceParams;
 
 /// A checked case. Paths are absolute, resolved against the folder of the case file.
 #[derive(Clone, Debug, PartialEq)]
@@ -286,8 +287,8 @@ impl Default for NewtonCase {
     }
 }
 
-/// Number of ranks of each scale; by default one process computes both scales.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// Number of ranks of each scale, and how RVEs move between ranks; by default one process computes both scales.
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ScalesCase {
     /// Number of ranks of the macro scale.
     pub macro_ranks: usize,
@@ -296,6 +297,8 @@ pub struct ScalesCase {
     /// Whether ranks are assigned so that each rank of the micro scale is near a rank of the macro scale, according to
     /// the machine topology that hwloc reports.
     pub near: bool,
+    /// How the micro scale balances its load; `None` if RVEs stay on their ranks.
+    pub balance: Option<BalanceParams>,
 }
 
 impl ScalesCase {
@@ -310,7 +313,7 @@ impl ScalesCase {
 
 impl Default for ScalesCase {
     fn default() -> Self {
-        Self { macro_ranks: 1, micro_ranks: 0, near: false }
+        Self { macro_ranks: 1, micro_ranks: 0, near: false, balance: Some(BalanceParams::default()) }
     }
 }
 

@@ -93,6 +93,12 @@
 //! micro = 0                                # default: all ranks that `macro` leaves; or the number for the RVEs
 //! near = false                             # or true: by the machines' topology, in a build with the feature `hwloc`
 //!
+//! [scales.balance]                         # how RVEs move between ranks (below)
+//! planner = "diffusive"                    # or "longest-first", "greedy", "metis"; "none": they stay
+//! weights = "predictor"                    # what an RVE costs next: or "seconds", "iterations", "unit"
+//! trigger = { threshold = 1.35, sweeps = 3, cool_down = 3, horizon = 10 }   # or the threshold alone
+//! when = "iteration"                       # before any evaluation; or "step": before the first one of a step
+//!
 //! [output]
 //! directory = "results"                    # default; relative to the case file
 //! every = 1                                # default; steps between two writings of the fields; 0: no fields

@@ -2,12 +2,15 @@
 
 use std::path::Path;
 
+use crate::coupling::balance::TriggerParams;
 use crate::fem::element::ElementType;
 use crate::fem::mesh::QuadraticHexahedron;
 use crate::fem::mesh::shapes::TubeShape;
 use crate::fem::stepping::{AdaptiveIncrements, StepStart};
 use crate::fiber::equilibrium::{Stage, Stages};
 use crate::tissue::materials::{ElementSelection, RveParams};
+use crate::tissue::two_scale::{BalanceParams, PlannerName, WeightsName, When};
+use toml::de::DeValue;
 
 use super::data::{MeshSource, NewtonCase, OutputCase, QuadraticCase, ScalesCase, StepsCase};
 use super::problems::alternatives;
@@ -248,7 +251,59 @@ pub(super) fn scales(root: &mut Table<'_>) -> ScalesCase {
         macro_ranks: table.integer("macro", 1..=1_000_000).unwrap_or(default.macro_ranks),
         micro_ranks: table.integer("micro", 0..=1_000_000).unwrap_or(default.micro_ranks),
         near: table.boolean("near").unwrap_or(default.near),
+        balance: table.section("balance", default.balance, balance),
     })
+}
+
+/// Reads how the micro scale balances its load.
+fn balance(table: &mut Table<'_>, _: &Option<BalanceParams>) -> Option<BalanceParams> {
+    let default = BalanceParams::default();
+    let planner = planner(table);
+    let weights = table.get("weights").and_then(|value| {
+        let names: Vec<&str> = WeightsName::ALL.iter().map(|weights| weights.name()).collect();
+        value.named(&names, |text| WeightsName::ALL.iter().copied().find(|weights| weights.name() == text))
+    });
+    let trigger = table.get("trigger").map(|value| trigger(&value));
+    let when = table.get("when").and_then(|value| {
+        let names: Vec<&str> = When::ALL.iter().map(|when| when.name()).collect();
+        value.named(&names, |text| When::ALL.iter().copied().find(|when| when.name() == text))
+    });
+    planner.unwrap_or(Some(default.planner)).map(|planner| BalanceParams {
+        planner,
+        weights: weights.unwrap_or(default.weights),
+        trigger: trigger.unwrap_or(default.trigger),
+        when: when.unwrap_or(default.when),
+    })
+}
+
+/// Reads the planner; an inner `None` stands for none.
+fn planner(table: &mut Table<'_>) -> Option<Option<PlannerName>> {
+    let value = table.get("planner")?;
+    let names: Vec<&str> = PlannerName::ALL.iter().map(|planner| planner.name()).chain(["none"]).collect();
+    value.named(&names, |text| match text {
+        "none" => Some(None),
+        _ => PlannerName::ALL.iter().copied().find(|planner| planner.name() == text).map(Some),
+    })
+}
+
+/// Reads the trigger: the threshold alone, or a table.
+fn trigger(value: &Value<'_>) -> TriggerParams {
+    const THRESHOLD: Range = Range::at_least(1.0, "");
+    let default = TriggerParams::default();
+    if !matches!(value.inner, DeValue::Table(_)) {
+        let threshold = value.number(THRESHOLD).unwrap_or(default.threshold);
+        return TriggerParams { threshold, ..default };
+    }
+    let Some(mut table) = value.table() else { return default };
+    let params = TriggerParams {
+        threshold: table.number("threshold", THRESHOLD).unwrap_or(default.threshold),
+        sweeps: table.integer("sweeps", 1..=1_000_000).unwrap_or(default.sweeps),
+        cool_down: table.integer("cool_down", 0..=1_000_000).unwrap_or(default.cool_down),
+        horizon: table.number("horizon", Range::above(0.0, "sweeps")).unwrap_or(default.horizon),
+        ..default
+    };
+    table.report_unknown_keys();
+    params
 }
 
 /// Reads the output settings. Warns if networks are requested but no region has any.

@@ -18,8 +18,9 @@ use crate::fiber::rve::StressScale;
 use crate::tissue::materials::{
     BeforeCreation, ElementSelection, FiberRve, NetworkAssignment, RegionMaterial, RveLifecycle,
 };
+use crate::tissue::two_scale::BalanceParams;
 
-use super::data::{Case, ConstraintCase, MeshSource, PointPlace, RigidCase, SurfaceLoad};
+use super::data::{Case, ConstraintCase, MeshSource, PointPlace, RigidCase, ScalesCase, SurfaceLoad};
 use super::formula::FormulaCase;
 use super::load::AXES;
 use super::load_value::LoadValue;
@@ -124,7 +125,9 @@ impl Case {
         section(&mut out, "[micro]", entries);
         let entries =
             [entry("macro", scales.macro_ranks), entry("micro", scales.micro_ranks), entry("near", scales.near)];
-        section(&mut out, "[scales]", entries);
+        // Earlier versions do not know this key.
+        let balance = (scales.balance != ScalesCase::default().balance).then(|| balance(scales.balance.as_ref()));
+        section(&mut out, "[scales]", entries.into_iter().chain(balance));
         let rve = match &output.rve {
             ElementSelection::None => entry("rve", "none"),
             ElementSelection::All => entry("rve", "all"),
@@ -139,6 +142,23 @@ impl Case {
         section(&mut out, "[output]", entries.into_iter().chain(points).chain([rve]));
         out
     }
+}
+
+fn balance(balance: Option<&BalanceParams>) -> Entry<'static> {
+    let Some(BalanceParams { planner, weights, trigger, when }) = balance else {
+        return table("balance", [entry("planner", "none")]);
+    };
+    let trigger = table(
+        "trigger",
+        [
+            entry("threshold", trigger.threshold),
+            entry("sweeps", trigger.sweeps),
+            entry("cool_down", trigger.cool_down),
+            entry("horizon", trigger.horizon),
+        ],
+    );
+    let (planner, weights) = (entry("planner", planner.name()), entry("weights", weights.name()));
+    table("balance", [planner, weights, trigger, entry("when", when.name())])
 }
 
 fn section<'a>(out: &mut String, header: &str, entries: impl IntoIterator<Item = Entry<'a>>) {

@@ -73,7 +73,7 @@ impl Directory {
             Event::Step(step) => self.steps.push(step),
             Event::Cut(cut) => self.cuts.push(cut),
             Event::End(end) => self.end = Some(end),
-            Event::Ranks(_) | Event::Unknown => {}
+            Event::Ranks(_) | Event::Migration(_) | Event::Unknown => {}
         }
     }
 

@@ -144,9 +144,10 @@ struct Configuration {
 }
 
 impl Configuration {
-    /// Returns the warnings of the file, and a warning if it overrides [scales] of the case.
+    /// Returns the warnings of the file, and a warning if it overrides the ranks of the case.
     fn warnings_for(&self, case: &Case) -> Vec<String> {
-        let overridden = self.plan.iter().filter(|_| case.scales != ScalesCase::default()).map(|(_, file)| {
+        let default = ScalesCase { balance: case.scales.balance, ..ScalesCase::default() };
+        let overridden = self.plan.iter().filter(|_| case.scales != default).map(|(_, file)| {
             format!(
                 "{}: [scales] has no effect: {} assigns the ranks to the scales",
                 case.file.display(),

@@ -68,6 +68,11 @@ impl CostHistory {
         (self.iterations, self.seconds, self.features) = (cost.iterations, cost.seconds, cost.features);
     }
 
+    /// Returns the cost of the last sweep.
+    pub fn last(&self) -> Cost {
+        Cost { iterations: self.iterations, seconds: self.seconds, features: self.features }
+    }
+
     /// Starts the sums of recent sweeps again; call it after a migration.
     pub fn restart(&mut self) {
         (self.recent_sweeps, self.recent_iterations, self.recent_seconds) = (0.0, 0.0, 0.0);

@@ -136,9 +136,9 @@ impl<B: RealBackend> Library<B> {
         &self.params
     }
 
-    /// Returns the material of a point of a region; `None` if the region has no formula there.
+    /// Returns the material of a point of a region; `None` if there is no such region or it has no formula there.
     pub fn of_point(&self, region: usize, point: usize) -> Option<PointMaterial> {
-        let (Region { material, .. }, models) = &self.regions[region];
+        let (Region { material, .. }, models) = self.regions.get(region)?;
         Some(match material {
             RegionMaterial::Formula(formulas) => PointMaterial::Formula(Arc::clone(formulas.at(point)?)),
             RegionMaterial::FiberRve(rve) => {

@@ -8,6 +8,7 @@
 //! | `units` | the RVEs of one rank, solved on its threads |
 //! | `sites` | the material of each point: a formula, an RVE, or the substitute of an RVE that is not awake |
 //! | `lifecycle` | when an RVE is created, sleeps, wakes and is deleted |
+//! | `moving` | an RVE on the way to another rank |
 //! | `saved`, `raw`, `summary` | the saved state of an RVE in memory and in files, and its values for the result files |
 //! | `pieces` | the files of a checkpoint with the states of the RVEs of one rank |
 //! | this one | the body in one process ([`TissueField`]), and the interface to a run ([`TissueMaterial`]) |
@@ -15,6 +16,7 @@
 mod error;
 mod library;
 mod lifecycle;
+mod moving;
 pub(super) mod pieces;
 mod raw;
 mod saved;
@@ -33,11 +35,12 @@ use crate::fem::mesh::Mesh;
 use crate::fem::point_field::{PointField, PointResponses};
 use crate::las::{Backend, RealBackend};
 use crate::tissue::materials::Materials;
-use crate::tissue::two_scale::RankTimes;
+use crate::tissue::two_scale::{BalanceReport, RankTimes};
 
 pub use error::{PointFailure, PointFailureKind, TissueFieldError};
 pub use library::{Library, LibraryError, PointMaterial};
 pub use lifecycle::RveStatus;
+pub(super) use moving::MovingError;
 pub use pieces::{Piece, PieceError, piece_file, piece_stem};
 pub(super) use saved::SerializeIter;
 pub use saved::{FieldRestoreError, SavedSites, SleepingRve, UnitState};
@@ -73,6 +76,11 @@ pub trait TissueMaterial: PointField<Error = TissueFieldError> {
     /// Returns the times of every rank since the last call, per trial state; empty in one process.
     fn take_times(&self) -> Vec<Vec<RankTimes>> {
         Vec::new()
+    }
+
+    /// Returns the load balancing since the last call; empty in one process.
+    fn take_balance(&self) -> BalanceReport {
+        BalanceReport::default()
     }
 
     /// Returns the RVE that made the last update fail; a second call returns `None`.
@@ -166,7 +174,7 @@ impl<B: RealBackend> TissueField<B> {
         self.units.remove(&deleted);
         for &point in created {
             if let Some((model, matrix)) = self.sites.material(point) {
-                self.units.add((point, self.sites.locate(point)), model, matrix);
+                self.units.add((point, self.sites.locate(point), self.sites.region(point)), model, matrix);
             }
         }
         self.unit_of = self.units.by_point();
@@ -181,6 +189,7 @@ impl<B: RealBackend> PointField for TissueField<B> {
         // Points that need no RVE come first: an inverted point there fails before any RVE is solved.
         sites.evaluate(gradients, out)?;
         units.solve(|_, point| sites.is_awake(point).then(|| gradients[point]))?;
+        units.record_costs();
         for (point, response) in units.responses() {
             if let Some(response) = response.filter(|_| sites.is_awake(point)) {
                 sites.set_response(point, response, out);

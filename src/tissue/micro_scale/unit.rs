@@ -7,6 +7,7 @@ use nalgebra::Matrix3;
 
 use super::library::Library;
 use super::worker::Worker;
+use crate::coupling::balance::Cost;
 use crate::fem::material::{MaterialError, Response};
 use crate::fem::mesh::IntegrationPoint;
 use crate::fiber::equilibrium::{EquilibriumReport, RveError, Stage, converges_to, equilibrate};
@@ -52,6 +53,8 @@ pub(super) enum Origin {
 pub(super) struct Unit {
     /// Its integration point.
     pub location: IntegrationPoint,
+    /// The region of its point.
+    pub region: usize,
     /// The network.
     pub fibers: Option<Fibers>,
     /// The matrix in parallel.
@@ -136,6 +139,14 @@ impl RveStats {
         }
     }
 
+    /// Returns the cost of the solves counted here, those of one RVE after this increment of its deformation gradient.
+    pub(super) fn cost(&self, increment: f64) -> Cost {
+        let (by_relaxation, by_regularized) = (self.by_relaxation as f64, self.by_regularized as f64);
+        let stage = 3.0 * by_relaxation + 2.0 * by_regularized + self.by_cuts as f64;
+        let features = [increment, stage, self.line_search_cuts as f64, self.indefinite as f64];
+        Cost { iterations: self.iterations as f64, seconds: self.seconds, features }
+    }
+
     fn count(&mut self, report: &EquilibriumReport) {
         self.solves += 1;
         self.iterations += report.iterations;
@@ -152,9 +163,9 @@ impl RveStats {
 }
 
 impl Unit {
-    /// Creates an RVE at rest.
+    /// Creates an RVE at rest, at a point of a region.
     pub fn new<B: RealBackend>(
-        location: IntegrationPoint,
+        (location, region): (IntegrationPoint, usize),
         model: Option<usize>,
         models: &[RveModel<B>],
         matrix: Option<Arc<Formula>>,
@@ -163,7 +174,7 @@ impl Unit {
             let rest = Rve::at_rest(models[model].network());
             Fibers { model, committed: rest.clone(), current: rest, origin: Origin::Committed }
         });
-        Self { location, fibers, matrix, response: None, iterations: 0, committed_iterations: 0 }
+        Self { location, region, fibers, matrix, response: None, iterations: 0, committed_iterations: 0 }
     }
 
     /// Returns stress and tangent at `gradient`. The last response is reused if the gradient has not changed.

@@ -14,6 +14,7 @@ use super::pieces::{self, Piece};
 use super::saved::{FieldRestoreError, UnitState};
 use super::unit::{Origin, RveStats, Unit, UnitError};
 use super::worker::Worker;
+use crate::coupling::balance::{Cost, CostHistory};
 use crate::fem::material::Response;
 use crate::fem::mesh::IntegrationPoint;
 use crate::fiber::rve::Rve;
@@ -31,6 +32,9 @@ pub(in crate::tissue) struct Units<B: Backend> {
     units: Vec<Unit>,
     /// The point of every unit.
     points: Vec<usize>,
+    /// What every unit cost in the last sweep over all units, and before.
+    costs: Vec<Cost>,
+    histories: Vec<CostHistory>,
     workers: Vec<Mutex<Worker<B>>>,
     /// Behind a lock, because observers of a run have only shared access to the units.
     stats: Mutex<RveStats>,
@@ -68,8 +72,8 @@ impl<B: RealBackend> Units<B> {
     pub fn new(library: Library<B>) -> Self {
         let models = library.models.len();
         let workers = (0..rayon::current_num_threads()).map(|_| Mutex::new(Worker::new(models))).collect();
-        let (units, points, stats, failed_rve) = Default::default();
-        Self { library, units, points, workers, stats, failed_rve }
+        let (units, points, costs, histories, stats, failed_rve) = Default::default();
+        Self { library, units, points, costs, histories, workers, stats, failed_rve }
     }
 
     /// Returns the data that all RVEs share.
@@ -77,22 +81,58 @@ impl<B: RealBackend> Units<B> {
         &self.library
     }
 
-    /// Appends an RVE at rest for a point, given by its number and its position in its point.
+    /// Appends an RVE at rest for a point, given by its number, its position in its element, and its region.
     pub fn add(
         &mut self,
-        (point, location): (usize, IntegrationPoint),
+        (point, location, region): (usize, IntegrationPoint, usize),
         model: Option<usize>,
         matrix: Option<Arc<Formula>>,
     ) {
-        self.units.push(Unit::new(location, model, &self.library.models, matrix));
+        let unit = Unit::new((location, region), model, &self.library.models, matrix);
+        // RVEs of one network cost about the same.
+        let class = model.unwrap_or(self.library.models.len());
+        self.append(point, unit, CostHistory::new(class as u32));
+    }
+
+    pub(super) fn append(&mut self, point: usize, unit: Unit, history: CostHistory) {
+        self.units.push(unit);
         self.points.push(point);
+        self.costs.push(Cost::default());
+        self.histories.push(history);
     }
 
     /// Removes the RVEs of these points; the order of the others does not change.
     pub fn remove(&mut self, points: &HashSet<usize>) {
-        let mut stays = self.points.iter().map(|point| !points.contains(point));
-        self.units.retain(|_| stays.next().unwrap_or(true));
-        self.points.retain(|point| !points.contains(point));
+        let keep: Vec<bool> = self.points.iter().map(|point| !points.contains(point)).collect();
+        self.retain(&keep);
+    }
+
+    /// Keeps the marked RVEs, in their order.
+    pub(super) fn retain(&mut self, keep: &[bool]) {
+        fn retain<T>(values: &mut Vec<T>, keep: &[bool]) {
+            let mut keep = keep.iter();
+            values.retain(|_| keep.next().is_none_or(|&keep| keep));
+        }
+        retain(&mut self.units, keep);
+        retain(&mut self.points, keep);
+        retain(&mut self.costs, keep);
+        retain(&mut self.histories, keep);
+    }
+
+    /// Returns what each RVE cost in the last [`Units::solve`] or [`Units::verify`]; zero for one that was not solved, and
+    /// the former costs after a failure.
+    pub fn costs(&self) -> &[Cost] {
+        &self.costs
+    }
+
+    /// Appends the costs of the last [`Units::solve`] to the histories.
+    pub fn record_costs(&mut self) {
+        self.histories.iter_mut().zip(&self.costs).for_each(|(history, cost)| history.record(cost));
+    }
+
+    /// Returns what each RVE has cost so far, and the costs of the last solve, which are to be recorded.
+    pub fn histories(&mut self) -> (&mut [CostHistory], &[Cost]) {
+        (&mut self.histories, &self.costs)
     }
 
     /// Number of RVEs.
@@ -115,6 +155,14 @@ impl<B: RealBackend> Units<B> {
 
     pub(super) fn unit(&self, number: usize) -> Option<&Unit> {
         self.units.get(number)
+    }
+
+    /// Returns an RVE and what it has cost so far.
+    ///
+    /// # Panics
+    /// Panics if the RVE does not exist.
+    pub(super) fn parts(&self, number: usize) -> (&Unit, &CostHistory) {
+        (&self.units[number], &self.histories[number])
     }
 
     /// Returns the point and the last response of each RVE.
@@ -149,10 +197,10 @@ impl<B: RealBackend> Units<B> {
         &mut self,
         gradient: impl Fn(usize, usize) -> Option<Matrix3<f64>> + Sync,
     ) -> Result<(), PointFailure> {
-        self.for_each_unit(gradient, |unit, gradient, library, worker, stats| {
+        let solved = self.for_each_unit(gradient, |unit, gradient, library, worker, stats| {
             unit.respond(gradient, library, worker, stats).map(|_| false)
-        })?;
-        Ok(())
+        });
+        solved.map(drop)
     }
 
     /// Verifies that the equilibria of the last [`Units::solve`], at the same gradients, continue the last committed
@@ -182,52 +230,70 @@ impl<B: RealBackend> Units<B> {
         ) -> Result<bool, UnitError<B::Error>>
         + Sync,
     ) -> Result<Vec<usize>, PointFailure> {
-        let Self { library, units, points, workers, .. } = self;
+        let order = self.longest_first();
+        let Self { library, units, points, costs, workers, .. } = self;
         let (library, points) = (&*library, &*points);
+        costs.fill(Cost::default());
+        let mut waiting: Vec<Option<&mut Unit>> = units.iter_mut().map(Some).collect();
+        let in_order = order.iter().filter_map(|&number| Some((number, waiting[number].take()?))).collect();
         let lowest = AtomicUsize::new(usize::MAX);
-        let outcomes: Vec<_> = units
-            .par_iter_mut()
-            .zip(points)
-            .enumerate()
-            .map(|(number, (unit, &point))| {
-                let mut stats = RveStats::default();
-                // One failure is enough: an RVE without an equilibrium takes long to fail.
-                if point > lowest.load(Ordering::Relaxed) {
-                    return (stats, Ok(false));
-                }
-                let Some(gradient) = gradient(number, point) else { return (stats, Ok(false)) };
-                let slot = rayon::current_thread_index().unwrap_or(0) % workers.len();
-                // A worker is scratch memory: data left by a panicking thread is overwritten.
-                let mut worker = workers[slot].lock().unwrap_or_else(PoisonError::into_inner);
-                // This thread must not start another RVE, which needs the same worker, before this one is done.
-                let outcome = parallel::alone(|| action(unit, &gradient, library, &mut worker, &mut stats));
-                let outcome = outcome.map_err(|reason| {
-                    lowest.fetch_min(point, Ordering::Relaxed);
-                    (number, gradient, reason)
-                });
-                (stats, outcome)
-            })
-            .collect();
+        let outcomes = parallel::take_in_turn(in_order, |(number, unit): (usize, &mut Unit)| {
+            let (mut stats, point) = (RveStats::default(), points[number]);
+            // One failure is enough: an RVE without an equilibrium takes long to fail.
+            if point > lowest.load(Ordering::Relaxed) {
+                return (stats, 0.0, Ok(false));
+            }
+            let Some(gradient) = gradient(number, point) else { return (stats, 0.0, Ok(false)) };
+            let increment = unit.response.map_or(0.0, |(last, _)| (gradient - last).norm());
+            let slot = rayon::current_thread_index().unwrap_or(0) % workers.len();
+            // A worker is scratch memory: data left by a panicking thread is overwritten.
+            let mut worker = workers[slot].lock().unwrap_or_else(PoisonError::into_inner);
+            // This thread must not start another RVE, which needs the same worker, before this one is done.
+            let outcome = parallel::alone(|| action(unit, &gradient, library, &mut worker, &mut stats));
+            let outcome = outcome.map_err(|reason| {
+                lowest.fetch_min(point, Ordering::Relaxed);
+                (gradient, reason)
+            });
+            (stats, increment, outcome)
+        });
+        let mut outcomes: Vec<_> = order.into_iter().zip(outcomes).collect();
+        outcomes.sort_unstable_by_key(|&(number, _)| number);
         let (lowest, mut sum) = (lowest.into_inner(), RveStats::default());
         let (mut chosen, mut failed) = (Vec::new(), None);
         // Points above the failed one may or may not have been solved and are not counted.
-        for (number, (stats, outcome)) in
-            outcomes.into_iter().enumerate().filter(|&(number, _)| points[number] <= lowest)
+        for (number, (stats, increment, outcome)) in
+            outcomes.into_iter().filter(|(number, _)| points[*number] <= lowest)
         {
             sum = sum.merge(stats);
+            costs[number] = stats.cost(increment);
             match outcome {
                 Ok(true) => chosen.push(number),
                 Ok(false) => {}
-                Err(failure) if points[number] == lowest => failed = Some(failure),
+                Err((gradient, reason)) if points[number] == lowest => failed = Some((number, gradient, reason)),
                 Err(_) => {}
             }
         }
         let all = self.stats.get_mut().unwrap_or_else(PoisonError::into_inner);
         *all = all.merge(sum);
         let Some((number, gradient, reason)) = failed else { return Ok(chosen) };
+        // Those that were skipped would seem to cost nothing.
+        self.costs.iter_mut().zip(&self.histories).for_each(|(cost, history)| *cost = history.last());
         let failure = self.failure(number, &gradient, &reason);
         self.revert();
         Err(failure)
+    }
+
+    /// Returns the order in which the threads take the RVEs: the longest first, as measured before, so that no thread
+    /// starts a long one when the others are done. A new RVE comes before all others.
+    fn longest_first(&self) -> Vec<usize> {
+        let mut order: Vec<usize> = (0..self.units.len()).collect();
+        if parallel::threads() > 1 {
+            let of_new =
+                |history: &CostHistory| if history.sweeps == 0 { f64::INFINITY } else { history.smooth_seconds };
+            let expected: Vec<f64> = self.histories.iter().map(of_new).collect();
+            order.sort_by(|&a, &b| expected[b].total_cmp(&expected[a]));
+        }
+        order
     }
 
     fn failure(&mut self, number: usize, gradient: &Matrix3<f64>, reason: &UnitError<B::Error>) -> PointFailure {
@@ -302,8 +368,7 @@ impl<B: RealBackend> Units<B> {
 
     /// Removes all RVEs.
     pub fn clear(&mut self) {
-        self.units.clear();
-        self.points.clear();
+        self.retain(&vec![false; self.units.len()]);
     }
 
     /// Returns the last deformation gradient of an RVE and its response there.

@@ -22,6 +22,8 @@ pub(super) const TIMES: Tag = Tag::of(2);
 pub(super) enum FollowerCommand {
     /// Delete and create RVEs.
     UpdateRves(RveUpdate),
+    /// Update the couplings after RVEs have migrated between ranks of the micro scale.
+    ReconcileMigrated,
     /// Receive tasks, exchange with the RVEs, and return the responses.
     Exchange,
     /// End of the run.
@@ -46,6 +48,12 @@ pub fn follow<C: Comm>(scales: &Scales<C>, mesh: &Mesh) -> Result<(), TwoScaleEr
                 let start = Instant::now();
                 shard.update_rves(&update, |point| shard_of[point.element as usize] == own)?;
                 times.add_communication(start);
+            }
+            FollowerCommand::ReconcileMigrated => {
+                times.idle += waiting.elapsed().as_secs_f64();
+                let start = Instant::now();
+                shard.reconcile_migrated()?;
+                times.balancing += start.elapsed().as_secs_f64();
             }
             FollowerCommand::Exchange => {
                 comm.wait_for(0, TASKS)?;

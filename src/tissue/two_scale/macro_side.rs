@@ -7,6 +7,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use nalgebra::Matrix3;
 
 use super::TwoScaleError;
+use super::balance::{BalanceParams, BalanceReport};
 use super::divided::DividedBody;
 use super::micro_proxy::{BodySolve, MicroProxy};
 use super::protocol::{Outcome, PieceFailure, RankTimes, RveFailure, Task, UnitReport};
@@ -45,6 +46,7 @@ struct Reports {
     networks: HashMap<UnitId, DeformedNetwork>,
     stats: Mutex<RveStats>,
     times: Mutex<Vec<Vec<RankTimes>>>,
+    balance: Mutex<BalanceReport>,
     bytes: usize,
 }
 
@@ -54,7 +56,7 @@ impl<'a, C: Comm, B: RealBackend> ScaleField<'a, C, B> {
     /// # Errors
     /// Returns [`LibraryError`] if a network cannot be read or used, or a region of the mesh has no material.
     pub fn new(
-        (scales, body_solve): (&'a Scales<C>, BodySolve),
+        (scales, body_solve, balance): (&'a Scales<C>, BodySolve, Option<BalanceParams>),
         context: B::Context,
         materials: Materials,
         mesh: &Mesh,
@@ -65,7 +67,7 @@ impl<'a, C: Comm, B: RealBackend> ScaleField<'a, C, B> {
         let shard_of = mesh.part().is_none().then(|| super::partition::partition(mesh, scales.comm().size()));
         let points = sites.len();
         let field = Self {
-            micro: MicroProxy::new(scales, body_solve, shard_of),
+            micro: MicroProxy::new(scales, body_solve, balance.map(|balance| balance.when), shard_of),
             library,
             sites,
             divided,
@@ -215,6 +217,9 @@ impl<'a, C: Comm, B: RealBackend> ScaleField<'a, C, B> {
         let is_root = self.micro.scales.comm().rank() == 0;
         let mut stats = RveStats::default();
         self.reports.bytes = reports.iter().map(|report| report.bytes).sum();
+        let balance = self.reports.balance.get_mut().unwrap_or_else(PoisonError::into_inner);
+        balance.skill = reports.first().and_then(|report| report.skill);
+        balance.migrations.extend(self.micro.take_migrations());
         for (report, &rank) in reports.into_iter().zip(self.micro.ranks()) {
             stats = stats.merge(report.stats);
             for mut unit in report.units {
@@ -341,6 +346,10 @@ impl<C: Comm, B: RealBackend> TissueMaterial for ScaleField<'_, C, B> {
 
     fn take_times(&self) -> Vec<Vec<RankTimes>> {
         std::mem::take(&mut self.reports.times.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    fn take_balance(&self) -> BalanceReport {
+        std::mem::take(&mut self.reports.balance.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
     fn take_failed_rve(&self) -> Option<FailedRve> {

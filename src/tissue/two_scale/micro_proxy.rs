@@ -16,6 +16,7 @@ use nalgebra::Matrix3;
 use serde::Deserialize;
 
 use super::TwoScaleError;
+use super::balance::{MigrationReport, When};
 use super::follower::{FollowerCommand, RESPONSES, TASKS, TIMES};
 use super::protocol::{
     Command, MICRO, PieceFailure, RankReport, RankTimes, RveFailure, RveResponse, RveTask, Task, pack, unpack,
@@ -40,6 +41,8 @@ pub(super) struct MicroProxy<'a, C: Comm> {
     /// Index of the micro scale in `scales`.
     micro_scale: usize,
     pub body_solve: BodySolve,
+    /// When the micro scale balances its load, if it does.
+    balances: Option<When>,
     /// The rank of the macro scale to whose shard each element belongs; `None` if each rank knows its own RVEs alone,
     /// because the body is divided.
     pub shard_of: Option<Vec<u32>>,
@@ -50,6 +53,8 @@ pub(super) struct MicroProxy<'a, C: Comm> {
     in_step: bool,
     /// Times per trial state and rank of the macro scale.
     iterations: Vec<Vec<RankTimes>>,
+    /// The migrations of the step.
+    migrations: Vec<MigrationReport>,
     /// The time up to which `between` counts.
     since: Instant,
     /// Times since the last trial state, to be added to those of the next one.
@@ -61,16 +66,23 @@ pub(super) struct MicroProxy<'a, C: Comm> {
 
 impl<'a, C: Comm> MicroProxy<'a, C> {
     /// Creates a proxy without couplings; [`MicroProxy::couple`] adds them. Does not communicate.
-    pub fn new(scales: &'a Scales<C>, body_solve: BodySolve, shard_of: Option<Vec<u32>>) -> Self {
+    pub fn new(
+        scales: &'a Scales<C>,
+        body_solve: BodySolve,
+        balances: Option<When>,
+        shard_of: Option<Vec<u32>>,
+    ) -> Self {
         Self {
             scales,
             micro_scale: scales.find(MICRO).unwrap_or(usize::MAX),
             body_solve,
+            balances,
             shard_of,
             shard: None,
             units: vec![Vec::new(); scales.comm().size()],
             in_step: false,
             iterations: Vec::new(),
+            migrations: Vec::new(),
             since: Instant::now(),
             between: RankTimes::of_rank(scales.world().rank()),
             waited: Mutex::default(),
@@ -192,10 +204,13 @@ impl<'a, C: Comm> MicroProxy<'a, C> {
         sites: &Sites,
         point_of: impl Fn(UnitId) -> usize,
     ) -> Result<Vec<RveResponse>, TwoScaleError> {
-        let command = if std::mem::replace(&mut self.in_step, true) { Command::Iterate } else { Command::Step };
         let comm = self.scales.comm().clone();
         let mut times = self.between.take();
         self.read_clock(&mut times);
+        if self.balances.is_some_and(|when| when == When::Iteration || !self.in_step) {
+            self.balance(&mut times)?;
+        }
+        let command = if std::mem::replace(&mut self.in_step, true) { Command::Iterate(task) } else { Command::Step };
         let start = Instant::now();
         self.send_to_followers(&FollowerCommand::Exchange)?;
         let followers = if self.body_solve == BodySolve::Root { comm.size() } else { 1 };
@@ -239,6 +254,27 @@ impl<'a, C: Comm> MicroProxy<'a, C> {
         let others = others.iter().map(|message| Ok(unpack(message)?));
         self.iterations.push(std::iter::once(Ok(times)).chain(others).collect::<Result<_, TwoScaleError>>()?);
         Ok(responses)
+    }
+
+    /// Lets the micro scale migrate RVEs if that is due and pays, and updates the couplings.
+    fn balance(&mut self, times: &mut RankTimes) -> Result<(), TwoScaleError> {
+        let start = Instant::now();
+        self.broadcast(&Command::Balance)?;
+        let migrated: Option<MigrationReport> = unpack(&self.receive()?)?;
+        let received = Instant::now();
+        times.idle += (received - start).as_secs_f64();
+        if let Some(report) = migrated {
+            self.send_to_followers(&FollowerCommand::ReconcileMigrated)?;
+            self.shard.as_mut().ok_or(TwoScaleError::Protocol)?.reconcile_migrated()?;
+            self.migrations.push(MigrationReport { iteration: self.iterations.len() + 1, ..report });
+            times.balancing += received.elapsed().as_secs_f64();
+        }
+        Ok(())
+    }
+
+    /// Returns the migrations since the last call.
+    pub fn take_migrations(&mut self) -> Vec<MigrationReport> {
+        std::mem::take(&mut self.migrations)
     }
 
     /// Asks why RVEs found no equilibrium; returns the failure of the lowest point.

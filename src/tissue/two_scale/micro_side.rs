@@ -7,6 +7,7 @@ use std::time::Instant;
 use serde::Serialize;
 
 use super::TwoScaleError;
+use super::balance::{BalanceParams, Balancer, DueMigration};
 use super::channels::Channels;
 use super::protocol::{
     Command, MACRO, NewRve, PieceFailure, RankReport, RankTimes, RveFailure, RveResponse, RveTask, Task, UnitReport,
@@ -21,7 +22,7 @@ use crate::tissue::micro_scale::{
 };
 
 /// The main function of the micro scale on one rank; the macro scale receives the deformed networks of the elements in
-/// `output`.
+/// `output`. With `balance`, the ranks balance their load; [`ScaleField::new`](super::ScaleField::new) gets the same.
 ///
 /// # Errors
 /// Returns [`TwoScaleError`] if communication fails or a message does not follow the protocol.
@@ -29,12 +30,14 @@ pub fn run<C: Comm, B: RealBackend>(
     scales: &Scales<C>,
     library: Library<B>,
     output: ElementSelection,
+    balance: Option<BalanceParams>,
 ) -> Result<(), TwoScaleError> {
     let macro_scale = scales.find(MACRO).ok_or(TwoScaleError::Scale(MACRO))?;
     let channels = Channels::new(scales)?;
     let between = RankTimes::of_rank(scales.world().rank());
-    let (tasks, failed, times) = Default::default();
-    MicroSide { scales, macro_scale, output, units: Units::new(library), channels, tasks, failed, times, between }.run()
+    let balancer = balance.map(|params| Balancer::new(params, library.models().len()));
+    let (units, (tasks, failed, times)) = (Units::new(library), Default::default());
+    MicroSide { scales, macro_scale, output, units, channels, balancer, tasks, failed, times, between }.run()
 }
 
 /// The RVEs of a rank and their couplings.
@@ -45,6 +48,7 @@ struct MicroSide<'a, C: Comm, B: Backend> {
     output: ElementSelection,
     units: Units<B>,
     channels: Channels<C>,
+    balancer: Option<Balancer>,
     /// The last tasks received, in the order of the units.
     tasks: Vec<RveTask>,
     failed: Option<PointFailure>,
@@ -60,11 +64,12 @@ impl<C: Comm, B: RealBackend> MicroSide<'_, C, B> {
         while !complete {
             match self.command()? {
                 Command::Units => self.update_units()?,
+                Command::Balance => self.balance()?,
                 Command::Step => {
-                    let mut step_complete = false;
-                    while !step_complete {
-                        self.carry_out_tasks()?;
-                        step_complete = self.commands_of_step()?;
+                    let mut task = Some(Task::Solve);
+                    while let Some(of_trial_state) = task {
+                        self.carry_out_tasks(of_trial_state)?;
+                        task = self.commands_of_step()?;
                     }
                 }
                 Command::Complete => complete = true,
@@ -74,18 +79,19 @@ impl<C: Comm, B: RealBackend> MicroSide<'_, C, B> {
         Ok(())
     }
 
-    /// Carries out commands after the responses; returns false if the macro scale asks for another trial state of the
-    /// step.
-    fn commands_of_step(&mut self) -> Result<bool, TwoScaleError> {
+    /// Carries out commands after the responses; returns the task at another trial state of the step if the macro scale
+    /// asks for one.
+    fn commands_of_step(&mut self) -> Result<Option<Task>, TwoScaleError> {
         loop {
             match self.command()? {
-                Command::Iterate => return Ok(false),
+                Command::Iterate(task) => return Ok(Some(task)),
+                Command::Balance => self.balance()?,
                 // The strain demands new RVEs; the macro scale then solves for equilibrium again.
                 Command::Units => self.update_units()?,
                 Command::Explain => self.explain()?,
                 over => {
                     self.between_steps(over)?;
-                    return Ok(true);
+                    return Ok(None);
                 }
             }
         }
@@ -124,7 +130,7 @@ impl<C: Comm, B: RealBackend> MicroSide<'_, C, B> {
             let point = point as usize;
             let material = self.units.library().of_point(new_rve.region as usize, point);
             if let PointMaterial::Rve { model, matrix, .. } = material.ok_or(TwoScaleError::Protocol)? {
-                self.units.add((point, new_rve.location()), model, matrix);
+                self.units.add((point, new_rve.location(), new_rve.region as usize), model, matrix);
             }
         }
         self.channels.to_macro = self.channels.to_micro.inverse();
@@ -132,16 +138,37 @@ impl<C: Comm, B: RealBackend> MicroSide<'_, C, B> {
         Ok(())
     }
 
-    /// Receives a task for every RVE, solves or verifies, and sends the responses.
-    fn carry_out_tasks(&mut self) -> Result<(), TwoScaleError> {
+    /// Migrates RVEs if that is due and pays.
+    fn balance(&mut self) -> Result<(), TwoScaleError> {
+        let start = Instant::now();
+        let scale = self.scales.comm();
+        let due = match &mut self.balancer {
+            Some(balancer) => balancer.plan(scale, &mut self.units)?,
+            None => None,
+        };
+        self.scales.broadcast(self.macro_scale, pack(&due.as_ref().map(DueMigration::report))?)?;
+        if let (Some(balancer), Some(due)) = (&mut self.balancer, due) {
+            let migration = balancer.migrate(scale, &mut self.units, &due)?;
+            self.channels.to_micro.migrate(&migration)?;
+            self.channels.to_macro = self.channels.to_micro.inverse();
+            balancer.migrated(scale, &due, start.elapsed().as_secs_f64())?;
+        }
+        self.between.balancing += start.elapsed().as_secs_f64();
+        Ok(())
+    }
+
+    /// Receives a task for every RVE, `task` for those that are awake, carries them out, and sends the responses.
+    fn carry_out_tasks(&mut self, task: Task) -> Result<(), TwoScaleError> {
         self.tasks.resize(self.units.len(), RveTask { gradient: [0.0; 9], task: Task::None as u64 });
         let (start, before) = (Instant::now(), self.channels.tasks.waited());
         self.channels.tasks.receive(&self.channels.to_micro, &mut self.tasks)?;
         let (received, waited) = (Instant::now(), self.channels.tasks.waited() - before);
         let tasks = &self.tasks;
-        let solved = self.units.solve(|number, _| tasks[number].for_task(Task::Solve));
-        let verified = solved.and_then(|()| self.units.verify(|number, _| tasks[number].for_task(Task::Verify)));
-        let (replaced, failed) = match verified {
+        let outcome = match task {
+            Task::Verify => self.units.verify(|number, _| tasks[number].for_task(Task::Verify)),
+            _ => self.units.solve(|number, _| tasks[number].for_task(Task::Solve)).map(|()| Vec::new()),
+        };
+        let (replaced, failed) = match outcome {
             Ok(replaced) => (replaced, None),
             Err(failure) => (Vec::new(), Some(failure)),
         };
@@ -153,10 +180,23 @@ impl<C: Comm, B: RealBackend> MicroSide<'_, C, B> {
         let responses: Vec<RveResponse> = responses.collect();
         self.failed = failed;
         self.channels.responses.send(&self.channels.to_macro, &responses)?;
+        let sent = Instant::now();
+        let busy = (solved - received).as_secs_f64();
+        // Verifications are rare, and their costs say little about those of the next solves.
+        if let (Task::Solve, Some(balancer)) = (task, &mut self.balancer) {
+            balancer.observe(self.scales.comm(), &mut self.units, busy)?;
+        } else if task == Task::Solve {
+            self.units.record_costs();
+        }
         let mut times = self.between.take();
-        times.busy += (solved - received).as_secs_f64();
-        times.idle += waited.as_secs_f64();
-        times.communication += (received - start - waited + solved.elapsed()).as_secs_f64();
+        times.busy += busy;
+        // Above all, the other ranks of the scale are not ready.
+        times.idle += (waited + sent.elapsed()).as_secs_f64();
+        times.communication += (received - start - waited + (sent - solved)).as_secs_f64();
+        times.rves = self.units.len();
+        if task == Task::Solve {
+            times.iterations = self.units.costs().iter().map(|cost| cost.iterations as usize).sum();
+        }
         self.times.push(times);
         Ok(())
     }
@@ -192,6 +232,10 @@ impl<C: Comm, B: RealBackend> MicroSide<'_, C, B> {
         }
         let summaries = if converged { self.units.summaries() } else { Vec::new() };
         let times = std::mem::take(&mut self.times);
+        let skill = match &self.balancer {
+            Some(balancer) if converged => balancer.skill(self.scales.comm())?,
+            _ => None,
+        };
         let summarized = Instant::now();
         let units = || {
             summaries.iter().enumerate().map(|(number, summary)| UnitReport {
@@ -204,6 +248,7 @@ impl<C: Comm, B: RealBackend> MicroSide<'_, C, B> {
             stats: self.units.take_stats(),
             bytes: self.units.bytes(),
             times,
+            skill,
             units: SerializeIter(units),
         };
         self.gather_to_macro(pack(&report)?)?;

@@ -9,6 +9,7 @@
 //! | `shard` | the elements of one macro rank and the couplings of their RVEs |
 //! | `channels` | the couplings of the RVEs of one rank, the same on both scales |
 //! | `micro_side` | the micro scale: solves its RVEs and sends the responses |
+//! | `balance` | moves RVEs between the ranks of the micro scale |
 //! | `partition` | assigns elements to macro ranks |
 //!
 //! The root of the macro scale broadcasts a command; the micro scale carries it out:
@@ -17,6 +18,7 @@
 //! macro scale                                      micro scale
 //! -----------                                      -----------
 //! until all steps are complete:                    while not complete:
+//! a migration may be due: Command::Balance ----->   plan; if it pays, migrate RVEs, and both update their couplings
 //!   Newton evaluates: Command::Step or Iterate       while not step_complete:
 //!     send tasks ------------------------------>       receive tasks
 //!     receive responses <-----------------------       solve all RVEs, send responses
@@ -28,6 +30,7 @@
 //! Command::Complete --------------------------->   complete
 //! ```
 
+mod balance;
 mod channels;
 mod divided;
 mod follower;
@@ -40,6 +43,7 @@ mod shard;
 
 use thiserror::Error;
 
+pub use balance::{BalanceParams, BalanceReport, MigrationReport, PlannerName, WeightsName, When};
 pub use follower::follow;
 pub use macro_side::ScaleField;
 pub use micro_proxy::BodySolve;
@@ -49,7 +53,8 @@ pub use protocol::{MACRO, MICRO, RankTimes};
 #[cfg(feature = "app")]
 pub(crate) use protocol::{pack, unpack};
 
-use super::micro_scale::TissueFieldError;
+use super::micro_scale::{MovingError, TissueFieldError};
+use crate::coupling::balance::BalanceError;
 use crate::coupling::{CouplingError, ScaleError};
 use crate::las::CommError;
 
@@ -65,6 +70,12 @@ pub enum TwoScaleError {
     /// The ranks cannot be divided among the scales, or a scale did not send or receive in time.
     #[error(transparent)]
     Scales(#[from] ScaleError),
+    /// The load of the micro scale cannot be balanced.
+    #[error("load balancing: {0}")]
+    Balance(#[from] BalanceError),
+    /// An RVE cannot move to another rank.
+    #[error("an RVE cannot move to another rank: {0}")]
+    Moving(#[from] MovingError),
     /// No scale has this name.
     #[error("there is no scale {0}")]
     Scale(&'static str),

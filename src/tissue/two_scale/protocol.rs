@@ -68,7 +68,7 @@ impl NewRve {
 }
 
 /// What an RVE does with a deformation gradient.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Task {
     /// Nothing: the RVE sleeps or was deleted.
     None = 0,
@@ -132,10 +132,15 @@ impl RveResponse {
 pub enum Command {
     /// Create and delete RVEs.
     Units,
+    /// Migrate RVEs between the ranks if that is due and pays; the micro scale answers with a [`MigrationReport`] or
+    /// `None`.
+    ///
+    /// [`MigrationReport`]: super::MigrationReport
+    Balance,
     /// Solve at the first trial state of a load step or substep.
     Step,
-    /// Solve or verify at another trial state of the same step.
-    Iterate,
+    /// Carry out a task at another trial state of the same step.
+    Iterate(Task),
     /// Send the reason why an RVE found no equilibrium.
     Explain,
     /// Commit: the step has converged at the last trial state.
@@ -236,6 +241,8 @@ pub struct RankReport<U = Vec<UnitReport>> {
     pub bytes: usize,
     /// Its times, one entry per trial state.
     pub times: Vec<RankTimes>,
+    /// The rank correlation of expected and measured costs of all RVEs of the scale, if they were compared.
+    pub skill: Option<f64>,
     /// Its RVEs; empty if the step was reverted.
     pub units: U,
 }
@@ -274,6 +281,12 @@ pub struct RankTimes {
     /// Time spent packing, sending, receiving and unpacking messages.
     #[serde(rename = "exchanging")]
     pub communication: f64,
+    /// Time spent planning and carrying out migrations of RVEs.
+    pub balancing: f64,
+    /// RVEs on the rank.
+    pub rves: usize,
+    /// Newton iterations of its RVEs.
+    pub iterations: usize,
 }
 
 impl RankTimes {

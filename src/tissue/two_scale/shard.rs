@@ -57,6 +57,13 @@ impl<C: Comm> Shard<C> {
         Ok(())
     }
 
+    /// Updates the couplings after RVEs have migrated between ranks of the micro scale. Collective over both scales.
+    pub fn reconcile_migrated(&mut self) -> Result<(), TwoScaleError> {
+        self.channels.to_micro.reconcile_migrated()?;
+        self.channels.to_macro = self.channels.to_micro.inverse();
+        Ok(())
+    }
+
     /// Sends a task to every RVE and waits for the responses. `task` returns the task for an index into
     /// [`Shard::points`] and the point there.
     pub fn exchange(

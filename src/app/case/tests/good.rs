@@ -92,7 +92,7 @@ fn every_entry_is_read() {
             solver: Method::Iterative(gmres),
         }
     );
-    assert_eq!(case.scales, ScalesCase { macro_ranks: 1, micro_ranks: 3, near: true });
+    assert_eq!(case.scales, ScalesCase { micro_ranks: 3, near: true, ..ScalesCase::default() });
     assert_eq!(case.output.directory, folder.path().join("out/pull"));
     assert!(case.output.points);
     assert_eq!((case.output.every, case.output.checkpoint), (5, 2));
@@ -130,7 +130,7 @@ fn defaults_fill_in() {
             solver: Method::Direct
         }
     );
-    assert_eq!(case.scales, ScalesCase { macro_ranks: 1, micro_ranks: 0, near: false });
+    assert_eq!(case.scales, ScalesCase::default());
     let directory = folder.path().join("results");
     assert_eq!(case.output, OutputCase { directory, ..OutputCase::default() });
 }

@@ -79,7 +79,8 @@ impl<C: Ranks> Job for MicroRank<'_, C> {
         let read = materials(&run.case)
             .and_then(|materials| Library::<B::Micro>::read((), materials).map_err(|error| ranks_failed(&error)));
         if let Ok((library, _)) = agreed(world, read)? {
-            two_scale::run_micro(scales, library, run.case.output.rve.clone()).map_err(|error| ranks_failed(&error))?;
+            let (output, balance) = (run.case.output.rve.clone(), run.case.scales.balance);
+            two_scale::run_micro(scales, library, output, balance).map_err(|error| ranks_failed(&error))?;
         }
         Ok(None)
     }
@@ -111,10 +112,11 @@ impl<C: Ranks> Job for MacroRank<'_, C> {
         let case = run.case.clone();
         let hints = CaseHints::of(&case);
         let (rank, ranks) = (scales.comm().rank(), scales.comm().size());
+        let balance = case.scales.balance;
         let divides = body_solve == BodySolve::Distributed && ranks > 1;
         let among = divides.then_some(BodyRanks { rank, ranks });
         let setup = Setup::<B, ScaleField<'_, C, B::Micro>>::with_material(context, case, among, |materials, mesh| {
-            ScaleField::new((scales, body_solve), (), materials, mesh)
+            ScaleField::new((scales, body_solve, balance), (), materials, mesh)
         });
         let setup = setup.map_err(|error| not_set_up(&hints, error));
         let mut setup = match agreed(world, setup)? {
