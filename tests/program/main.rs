@@ -2,6 +2,7 @@
 #![cfg(feature = "app")]
 
 mod arguments;
+mod balance;
 mod constraints;
 mod element_ranks;
 mod elements;

@@ -72,11 +72,14 @@ impl<'a, C: Comm> MicroProxy<'a, C> {
         balances: Option<When>,
         shard_of: Option<Vec<u32>>,
     ) -> Self {
+        let micro_scale = scales.find(MICRO);
+        let micro_ranks = micro_scale.map_or(0, |micro_scale| scales.ranks(micro_scale).len());
         Self {
             scales,
-            micro_scale: scales.find(MICRO).unwrap_or(usize::MAX),
+            micro_scale: micro_scale.unwrap_or(usize::MAX),
             body_solve,
-            balances,
+            // A single rank has nothing to balance.
+            balances: balances.filter(|_| micro_ranks > 1),
             shard_of,
             shard: None,
             units: vec![Vec::new(); scales.comm().size()],

@@ -35,7 +35,8 @@ pub fn run<C: Comm, B: RealBackend>(
     let macro_scale = scales.find(MACRO).ok_or(TwoScaleError::Scale(MACRO))?;
     let channels = Channels::new(scales)?;
     let between = RankTimes::of_rank(scales.world().rank());
-    let balancer = balance.map(|params| Balancer::new(params, library.models().len()));
+    let balancer =
+        balance.filter(|_| scales.comm().size() > 1).map(|params| Balancer::new(params, library.models().len()));
     let (units, (tasks, failed, times)) = (Units::new(library), Default::default());
     MicroSide { scales, macro_scale, output, units, channels, balancer, tasks, failed, times, between }.run()
 }

@@ -1,0 +1,138 @@
+//! Runs whose RVEs move between the ranks of the micro scale: all results stay the same.
+
+use std::path::Path;
+
+use serde_json::Value;
+
+use crate::frozen;
+use crate::ranks::{coarse_dogbone, read, with_life_cycles, with_scales};
+use crate::run::{events, fibers, run};
+
+/// Returns a case whose RVEs move as often as any other plan seems better.
+fn restless(text: &str, scales: (usize, usize), balance: &str) -> String {
+    let trigger = "{ threshold = 1.0, sweeps = 1, cool_down = 0, horizon = 1e12 }";
+    format!("{}balance = {{ trigger = {trigger}, {balance} }}\n", with_scales(text, scales))
+}
+
+/// Returns the migrations in the log of a run.
+fn migrations(folder: &Path) -> Vec<Value> {
+    events(folder).into_iter().filter(|event| event["event"] == "migration").collect()
+}
+
+#[test]
+fn migrations_do_not_change_results() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = coarse_dogbone();
+    run(folder.path(), &text, "--out alone").done();
+    let alone = read(folder.path(), "alone/loads.csv");
+    let balances = ["planner = \"longest-first\"", "planner = \"greedy\", weights = \"seconds\"", "when = \"step\""];
+    for (scales, balance) in [(1, 3), (2, 2), (3, 4)].into_iter().zip(balances) {
+        let text = restless(&text, scales, balance);
+        run(folder.path(), &text, "--out shared").done();
+        assert_eq!(read(folder.path(), "shared/loads.csv"), alone, "{scales:?} {balance}");
+        let moved = migrations(&folder.path().join("shared"));
+        assert!(!moved.is_empty(), "{scales:?} {balance}");
+        for event in &moved {
+            let load = &event["max_over_mean"];
+            assert!(event["units"].as_u64().unwrap() > 0 && event["bytes"].as_u64().unwrap() > 1000, "{event}");
+            assert!(load[0].as_f64().unwrap() > load[1].as_f64().unwrap(), "{event}");
+            assert!(!balance.contains("step") || event["iteration"] == 1, "{event}");
+        }
+        let steps: Vec<Value> =
+            events(&folder.path().join("shared")).into_iter().filter(|event| event["event"] == "step").collect();
+        let of_steps: u64 = steps.iter().map(|step| step["scales"]["migrations"].as_u64().unwrap()).sum();
+        assert_eq!(of_steps as usize, moved.len());
+        for step in &steps {
+            let micro = &step["scales"]["micro"];
+            let [any, mean] = ["idle_any", "idle_mean"].map(|share| micro[share].as_f64().unwrap());
+            assert!((0.0..=1.0).contains(&any) && (0.0..=any).contains(&mean), "{step}");
+            assert!(micro["max_over_mean"].as_f64().unwrap() >= 1.0, "{step}");
+            let skill = step["scales"]["skill"].as_f64().unwrap();
+            assert!((-1.0..=1.0).contains(&skill), "{step}");
+        }
+    }
+}
+
+/// RVEs are created, sleep, wake and are deleted between migrations, which also happen within steps.
+#[test]
+fn life_cycles_and_migrations_do_not_disturb_each_other() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = with_life_cycles();
+    run(folder.path(), &text, "--out alone").done();
+    let alone = read(folder.path(), "alone/loads.csv");
+    for (scales, balance) in [(1, 2), (3, 3)].into_iter().zip(["planner = \"longest-first\"", "weights = \"seconds\""])
+    {
+        run(folder.path(), &restless(&text, scales, balance), "--out shared").done();
+        assert_eq!(read(folder.path(), "shared/loads.csv"), alone, "{scales:?}");
+        assert!(migrations(&folder.path().join("shared")).len() > 3, "{scales:?}");
+    }
+}
+
+#[test]
+fn a_run_is_resumed_after_migrations() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = fibers(&frozen()).replace("cells = [1, 1, 1]", "cells = [2, 1, 1]").replace("count = 2", "count = 4");
+    run(folder.path(), &text, "--out alone").done();
+    let alone = read(folder.path(), "alone/loads.csv");
+    let restless = |scales| restless(&text, scales, "planner = \"longest-first\"");
+    run(folder.path(), &restless((1, 3)), "--out shared").done();
+    assert!(!migrations(&folder.path().join("shared")).is_empty());
+    for scales in [(2, 2), (1, 4)] {
+        std::fs::remove_file(folder.path().join("shared/checkpoint/step-00004.bin")).unwrap();
+        run(folder.path(), &restless(scales), "--out shared --resume").done();
+        assert_eq!(read(folder.path(), "shared/loads.csv"), alone, "{scales:?}");
+    }
+    // Without balancing, and in one process.
+    std::fs::remove_file(folder.path().join("shared/checkpoint/step-00004.bin")).unwrap();
+    run(folder.path(), &text, "--out shared --resume").done();
+    assert_eq!(read(folder.path(), "shared/loads.csv"), alone);
+}
+
+/// A step that fails reverts RVEs that moved within it.
+#[test]
+fn a_step_is_cut_after_migrations() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = fibers(&frozen()).replace("cells = [1, 1, 1]", "cells = [2, 1, 1]");
+    let text =
+        text.replace("displacement = { x = 0.05 }", "displacement = { x = 0.4 }").replace("count = 2", "count = 1");
+    let text = format!("{text}max_cuts = 8\n[newton]\nmax_iterations = 3\n");
+    run(folder.path(), &text, "--out alone").done();
+    let alone = read(folder.path(), "alone/loads.csv");
+    assert!(events(&folder.path().join("alone")).iter().any(|event| event["event"] == "cut"));
+    run(folder.path(), &restless(&text, (2, 3), "planner = \"longest-first\""), "--out shared").done();
+    assert_eq!(read(folder.path(), "shared/loads.csv"), alone);
+    assert!(!migrations(&folder.path().join("shared")).is_empty());
+}
+
+#[test]
+fn balancing_can_be_switched_off_and_is_written_with_the_case() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = with_scales(&fibers(&frozen()), (1, 3));
+    run(folder.path(), &format!("{text}balance = {{ planner = \"none\" }}\n"), "--out out").done();
+    assert!(migrations(&folder.path().join("out")).is_empty());
+    assert!(read(folder.path(), "out/case.toml").contains("balance = { planner = \"none\" }"));
+    run(folder.path(), &format!("{text}balance = {{ trigger = 1.2, when = \"step\" }}\n"), "--out out").done();
+    let written = read(folder.path(), "out/case.toml");
+    assert!(written.contains("threshold = 1.2, sweeps = 3"), "{written}");
+    let again = run(folder.path(), &written, "--out again");
+    again.done();
+    assert_eq!(read(folder.path(), "again/case.toml").replace("again", "out"), written);
+}
+
+#[test]
+fn wrong_keys_and_planners_are_errors() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = with_scales(&fibers(&frozen()), (1, 2));
+    for (balance, complaint) in [
+        ("planner = \"zoltan\"", "\"diffusive\""),
+        ("weigths = \"unit\"", "weights"),
+        ("weights = \"mass\"", "\"predictor\""),
+        ("when = \"never\"", "\"iteration\""),
+        ("trigger = 0.5", "from 1"),
+        ("trigger = { treshold = 2.0 }", "threshold"),
+        ("trigger = { sweeps = 0 }", "from 1"),
+    ] {
+        let failed = run(folder.path(), &format!("{text}balance = {{ {balance} }}\n"), "--out out");
+        assert!(failed.failed(2).contains(complaint), "{balance}: {}", failed.stderr);
+    }
+}
