@@ -1,0 +1,294 @@
+//! Measures load balancing on units that cost a known time: idle shares of eight ranks without balancing, with the
+//! scheme of the reference text, and with the default of `biotissue`.
+//!
+//! ```text
+//! cargo run --release --package studies --bin balance                             # ranks are threads
+//! mpirun --oversubscribe -n 9 target/release/balance                              # built with --features mpi
+//! ```
+//!
+//! prints a table of `docs/coupling.md`. A unit sleeps instead of computing, so that any number of cores suffices. The
+//! ranks compute 60 sweeps of 40 units each, at first 40 units on every rank:
+//!
+//! | load | costs of the units |
+//! |---|---|
+//! | static | 5 to 15 ms, rising along the sequence of units |
+//! | drifting | 5 to 15 ms; the most expensive place moves through the units in 60 sweeps |
+//! | heavy tail | 5 ms; 3 % of the units, all near each other at first, 25 ms |
+//! | random | a new cost in every sweep: 5 ms, and for a random 3 % of the units 25 ms |
+//!
+//! The bound is what remains if every sweep is balanced perfectly: a sweep takes at least the mean load, and at least as
+//! long as its largest unit.
+
+use std::error::Error;
+use std::f64::consts::TAU;
+use std::time::{Duration, Instant};
+
+use biotissue::coupling::balance::{
+    self, Cost, CostHistory, Diffusive, Greedy, Iterations, Planner, Predictor, Quantity, Trigger, TriggerParams,
+    Weights, max_over_mean, migrate,
+};
+use biotissue::coupling::{Channel, Comm, Coupling, EvenPartition, Message, Plan, Role, Scales, Share};
+use biotissue::las::conformance::Random;
+
+const RANKS: usize = 8;
+const UNITS: usize = 40 * RANKS;
+const SWEEPS: usize = 60;
+/// Sweeps of a load step, at whose end the text's scheme balances.
+const SWEEPS_OF_STEP: usize = 4;
+const SECONDS: f64 = 5e-3;
+
+#[derive(Clone, Copy)]
+enum Load {
+    Static,
+    Drifting,
+    HeavyTail,
+    Random,
+}
+
+const LOADS: [(&str, Load); 4] =
+    [("static", Load::Static), ("drifting", Load::Drifting), ("heavy tail", Load::HeavyTail), ("random", Load::Random)];
+
+/// Returns the seconds that a unit takes in a sweep.
+fn seconds(load: Load, unit: u64, sweep: usize) -> f64 {
+    let place = unit as f64 / UNITS as f64;
+    let is_chosen = |seed: u64| Random::new(seed).below(100) < 3;
+    SECONDS
+        * match load {
+            Load::Static => 1.0 + 2.0 * place,
+            Load::Drifting => 2.0 + (TAU * (place - sweep as f64 / SWEEPS as f64)).cos(),
+            Load::HeavyTail if place < 0.03 => 5.0,
+            Load::Random if is_chosen(unit + (UNITS * sweep) as u64) => 5.0,
+            Load::HeavyTail | Load::Random => 1.0,
+        }
+}
+
+/// How the ranks balance their load.
+struct Scheme {
+    name: &'static str,
+    kind: Kind,
+}
+
+enum Kind {
+    Nothing,
+    /// Newton iterations since the last migration, at the end of every step with an imbalance of 5 % or more.
+    Text,
+    /// The predictor, after this number of unbalanced sweeps.
+    Ours(TriggerParams),
+}
+
+fn schemes() -> Vec<Scheme> {
+    let own = TriggerParams { threshold: 1.05, sweeps: 1, cool_down: 0, ..TriggerParams::default() };
+    vec![
+        Scheme { name: "nothing", kind: Kind::Nothing },
+        Scheme { name: "text", kind: Kind::Text },
+        Scheme { name: "default", kind: Kind::Ours(TriggerParams::default()) },
+        Scheme { name: "threshold 1.05, each sweep", kind: Kind::Ours(own) },
+    ]
+}
+
+/// The sums over the sweeps of a run.
+#[derive(Default)]
+struct Shares {
+    longest: f64,
+    least: f64,
+    mean: f64,
+    bound: f64,
+    wall: f64,
+    moved: usize,
+    migrations: usize,
+}
+
+impl Shares {
+    fn add(&mut self, busy: &[f64], largest: f64) {
+        let mean = busy.iter().sum::<f64>() / busy.len() as f64;
+        self.longest += busy.iter().copied().fold(0.0, f64::max);
+        self.least += busy.iter().copied().fold(f64::INFINITY, f64::min);
+        self.mean += mean;
+        self.bound += mean.max(largest);
+    }
+}
+
+type Outcome<T> = Result<T, Box<dyn Error>>;
+
+/// The units of one rank.
+struct Cells<C: Comm> {
+    scale: C,
+    coupling: Coupling<C>,
+    histories: Vec<CostHistory>,
+    shares: Shares,
+}
+
+impl<C: Comm> Cells<C> {
+    /// Sleeps for every unit; returns their costs.
+    fn sweep(&mut self, load: Load, sweep: usize) -> Outcome<Vec<Cost>> {
+        let start = Instant::now();
+        let costs: Vec<Cost> = (self.coupling.units().iter())
+            .map(|&unit| {
+                let (start, planned) = (Instant::now(), seconds(load, unit, sweep));
+                std::thread::sleep(Duration::from_secs_f64(planned));
+                let seconds = start.elapsed().as_secs_f64();
+                Cost { iterations: (1e3 * planned).round(), seconds, ..Cost::default() }
+            })
+            .collect();
+        let own = [start.elapsed().as_secs_f64(), costs.iter().map(|cost| cost.seconds).fold(0.0, f64::max)];
+        let all = self.scale.gather_all(Message::of(&own))?;
+        let all: Vec<[f64; 2]> =
+            all.iter().filter_map(|message| message.values::<[f64; 2]>()).flatten().copied().collect();
+        let busy: Vec<f64> = all.iter().map(|rank| rank[0]).collect();
+        self.shares.add(&busy, all.iter().map(|rank| rank[1]).fold(0.0, f64::max));
+        Ok(costs)
+    }
+
+    /// Records costs; returns the seconds of the slowest rank and max/mean.
+    fn record(&mut self, weights: &mut impl Weights, costs: &[Cost]) -> Outcome<[f64; 2]> {
+        let own: f64 = costs.iter().map(|cost| cost.seconds).sum();
+        balance::record(&self.scale, weights, &mut self.histories, costs)?;
+        let all = self.scale.gather_all(Message::of(&[own]))?;
+        let all: Vec<f64> = all.iter().filter_map(|message| message.values::<f64>()).flatten().copied().collect();
+        Ok([all.iter().copied().fold(0.0, f64::max), max_over_mean(&all)])
+    }
+
+    /// Migrates units if `accepts` does; their states have a kilobyte each.
+    fn balance(
+        &mut self,
+        planner: &impl Planner,
+        weights: &impl Weights,
+        trigger: &mut Trigger,
+        sweep_seconds: Option<f64>,
+    ) -> Outcome<bool> {
+        let start = Instant::now();
+        let own: Vec<f64> = self.histories.iter().map(|history| weights.weight(history)).collect();
+        let (loads, plan) = balance::plan(&self.scale, planner, &own, &vec![1000; own.len()])?;
+        // Without the duration of a sweep, every plan pays.
+        let estimate = trigger.estimate(&loads, &plan, sweep_seconds.unwrap_or(f64::INFINITY))?;
+        let migrates = !plan.is_empty() && estimate.pays();
+        if !migrates {
+            trigger.declined();
+            return Ok(false);
+        }
+        let units = self.coupling.units().to_vec();
+        let moves = plan.of(self.scale.rank());
+        let histories = &self.histories;
+        let (migration, arrived) = migrate(&self.scale, moves, &units, |unit| Message::of(&[histories[unit]]))?;
+        let arrived = arrived.iter().map(|message| message.values().and_then(|values| values.first().copied()));
+        let arrived = arrived.collect::<Option<Vec<CostHistory>>>().ok_or("a history is missing")?;
+        self.histories = migration.apply(std::mem::take(&mut self.histories), arrived)?;
+        self.histories.iter_mut().for_each(CostHistory::restart);
+        self.coupling.migrate(&migration)?;
+        trigger.migrated(&loads, &plan, &estimate, start.elapsed().as_secs_f64());
+        (self.shares.moved, self.shares.migrations) = (self.shares.moved + plan.len(), self.shares.migrations + 1);
+        Ok(true)
+    }
+}
+
+/// A run on one rank; the root of the units returns the shares.
+fn run<C: Comm>(world: &C, load: Load, scheme: &Scheme) -> Outcome<Option<Shares>> {
+    let plan = Plan::default().with("body", Share::Count(1)).with("cells", Share::Count(RANKS));
+    let scales = Scales::new(world, &plan)?;
+    let units: Vec<u64> = if scales.own() == 0 { (0..UNITS as u64).collect() } else { Vec::new() };
+    let mut coupling = Coupling::new(&scales, "body", "cells", &units, &[], &EvenPartition)?;
+    let (mut tasks, mut answers) = (Channel::<f64>::new(&coupling)?, Channel::<u64>::new(&coupling)?);
+    let start = Instant::now();
+    if coupling.role() == Role::Producer {
+        for _ in 0..SWEEPS {
+            tasks.send(&coupling, &vec![1.0; UNITS])?;
+            let mut from = vec![0; UNITS];
+            answers.receive(&coupling.inverse(), &mut from)?;
+            assert_eq!(from, units, "every answer comes from its unit");
+            if scales.receive(1)?.values::<u64>() == Some(&[1]) {
+                coupling.reconcile_migrated()?;
+            }
+        }
+        return Ok(None);
+    }
+    let mut cells = Cells { scale: scales.comm().clone(), histories: Vec::new(), coupling, shares: Shares::default() };
+    cells.histories = vec![CostHistory::default(); cells.coupling.units().len()];
+    let params = if let Kind::Ours(params) = scheme.kind { params } else { TriggerParams::default() };
+    let (mut trigger, mut predictor) = (Trigger::new(params), Predictor::new(Quantity::Seconds, 1));
+    for sweep in 0..SWEEPS {
+        let mut strains = vec![0.0; cells.coupling.units().len()];
+        tasks.receive(&cells.coupling, &mut strains)?;
+        let costs = cells.sweep(load, sweep)?;
+        answers.send(&cells.coupling.inverse(), cells.coupling.units())?;
+        let ends_step = (sweep + 1) % SWEEPS_OF_STEP == 0;
+        let [slowest, imbalance] = match scheme.kind {
+            Kind::Ours(_) => cells.record(&mut predictor, &costs)?,
+            _ => cells.record(&mut Iterations, &costs)?,
+        };
+        // The body must know whether its coupling changes before it can.
+        let due = match scheme.kind {
+            Kind::Nothing => false,
+            Kind::Text => ends_step && imbalance >= 1.05,
+            Kind::Ours(_) => trigger.observe(imbalance),
+        };
+        scales.broadcast(0, Message::of(&[u64::from(due)]))?;
+        if due {
+            let moved = match scheme.kind {
+                Kind::Ours(_) => cells.balance(&Diffusive::default(), &predictor, &mut trigger, Some(slowest))?,
+                _ => cells.balance(&Greedy, &Iterations, &mut trigger, None)?,
+            };
+            if !moved {
+                // The body waits for an update: one that moves nothing.
+                let units = cells.coupling.units().to_vec();
+                let (migration, _) = migrate(&cells.scale, &Default::default(), &units, |_| Message::new())?;
+                cells.coupling.migrate(&migration)?;
+            }
+        }
+    }
+    cells.shares.wall = start.elapsed().as_secs_f64();
+    Ok((cells.scale.rank() == 0).then_some(cells.shares))
+}
+
+/// All runs of one rank.
+fn all_runs<C: Comm>(world: &C) -> Outcome<()> {
+    for (name, load) in LOADS {
+        for scheme in schemes() {
+            if let Some(shares) = run(world, load, &scheme)? {
+                let Shares { longest, least, mean, bound, wall, moved, migrations } = shares;
+                let percent = |time: f64| 100.0 * (1.0 - time / longest);
+                println!(
+                    "| {name} | {} | {:.1} % | {:.1} % | {:.1} % | {:.2} | {migrations} | {moved} | {wall:.1} |",
+                    scheme.name,
+                    percent(least),
+                    percent(mean),
+                    100.0 * (1.0 - mean / bound),
+                    longest / bound,
+                );
+            }
+        }
+    }
+    Ok(())
+}
+
+const HEAD: &str =
+    "| load | scheme | idle_any | idle_mean | bound | time / bound | migrations | units moved | wall, s |
+|---|---|---|---|---|---|---|---|---|";
+
+#[cfg(feature = "mpi")]
+fn main() -> Outcome<()> {
+    use biotissue::backends::comm::mpi;
+    if std::env::var_os("OMPI_COMM_WORLD_SIZE").is_some() || std::env::var_os("PMI_SIZE").is_some() {
+        mpi::run(
+            |world| {
+                if world.rank() == 0 {
+                    println!("{HEAD}");
+                }
+                all_runs(&world).map_err(|error| error.to_string())
+            },
+            |_| 1,
+        );
+        return Ok(());
+    }
+    on_threads()
+}
+
+#[cfg(not(feature = "mpi"))]
+fn main() -> Outcome<()> {
+    on_threads()
+}
+
+fn on_threads() -> Outcome<()> {
+    println!("{HEAD}");
+    biotissue::coupling::thread::run(1 + RANKS, |world| all_runs(&world))?;
+    Ok(())
+}
