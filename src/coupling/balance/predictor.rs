@@ -22,7 +22,9 @@ type Matrix = SMatrix<f64, VARIABLES, VARIABLES>;
 
 /// Predicts the next cost of a unit from its history, by a regression that it learns while the units are computed:
 ///
-///     log c' - m = b0 + b1 (s - m) + b2 (log c - m) + b3 f1 + .. + b6 f4
+/// ```text
+/// log c' - m = b0 + b1 (s - m) + b2 (log c - m) + b3 f1 + .. + b6 f4
+/// ```
 ///
 /// where `c` and `c'` are the last and the next cost of the unit, `s` is its smoothed log cost, `f1` to `f4` are its
 /// features, and `m` is the mean log cost of its class. A new unit gets the mean of its class. Where costs persist, `b1`
