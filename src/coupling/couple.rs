@@ -78,9 +78,7 @@ pub enum CouplingError {
         found: usize,
     },
     /// The units have changed between the start and the end of a receive.
-    #[error(
-        "receiving from {producer} on {consumer} was started before units were added, removed or migrated: finish it before"
-    )]
+    #[error("receiving from {producer} on {consumer} was started before units changed: finish it before they change")]
     Changed {
         /// The scale that sends the values.
         producer: String,

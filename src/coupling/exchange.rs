@@ -180,8 +180,8 @@ impl<T: Payload> Channel<T> {
 
     /// Starts to receive the values of all units of this consumer rank, and returns immediately. The caller may start
     /// further receives before this one is finished. Finish receives in the order in which they were started, before
-    /// any other receive, and before units are added, removed or migrated: otherwise MPI aborts the program when a message is
-    /// longer than the buffer.
+    /// any other receive, and before units are added, removed or migrated: otherwise MPI aborts the program when a
+    /// message is longer than the buffer.
     ///
     /// # Errors
     /// Returns [`CouplingError`] if this rank is not on the consumer or the communication fails.
@@ -201,8 +201,8 @@ impl<T: Payload> Channel<T> {
     ///
     /// # Errors
     /// Returns [`CouplingError`] if the arguments are invalid or the communication fails; [`CouplingError::Changed`] if
-    /// units were added, removed or migrated since the start, or if the receive was started for another coupling with a different
-    /// number of neighbors.
+    /// units were added, removed or migrated since the start, or if the receive was started for another coupling with a
+    /// different number of neighbors.
     pub fn finish_receive<C: Comm>(
         &mut self,
         coupling: &Coupling<C>,

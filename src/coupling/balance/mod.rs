@@ -1,11 +1,11 @@
 //! Scale-sensitive load balancing: units move from rank to rank of one scale, and the couplings to all other scales
 //! follow.
 //!
-//! A balancing has three phases, each of which can be used alone: [`plan`] gathers the [`Loads`] of the scale and asks a
-//! [`Planner`]; [`migrate`] sends serialized units point to point; [`Coupling::migrate`](super::Coupling::migrate) and
-//! [`Coupling::reconcile_migrated`](super::Coupling::reconcile_migrated) update a coupling on its two sides. Callers that
-//! move the data on their own pass the moves to [`Migration::announce`] instead of the second phase. A [`Trigger`]
-//! decides when to balance; [`Weights`] are what units are expected to cost.
+//! A balancing has three phases, each of which can be used alone: [`plan`] gathers the [`Loads`] of the scale and asks
+//! a [`Planner`]; [`migrate`] sends serialized units point to point; [`Coupling::migrate`](super::Coupling::migrate)
+//! and [`Coupling::reconcile_migrated`](super::Coupling::reconcile_migrated) update a coupling on its two sides.
+//! Callers that move the data on their own pass the moves to [`Migration::announce`] instead of the second phase. A
+//! [`Trigger`] decides when to balance; [`Weights`] are what units are expected to cost.
 //!
 //! # Example: three cells, one of which costs four times as much as the others
 //!

@@ -22,14 +22,16 @@ type Matrix = SMatrix<f64, VARIABLES, VARIABLES>;
 
 /// Predicts the next cost of a unit from its history, by a regression that it learns while the units are computed:
 ///
-///     log c' - m = b0 + b1 (s - m) + b2 (log c - m) + b3 f1 + .. + b6 f4
+/// ```text
+/// log c' - m = b0 + b1 (s - m) + b2 (log c - m) + b3 f1 + .. + b6 f4
+/// ```
 ///
 /// where `c` and `c'` are the last and the next cost of the unit, `s` is its smoothed log cost, `f1` to `f4` are its
-/// features, and `m` is the mean log cost of its class. A new unit gets the mean of its class. Where costs persist, `b1`
-/// and `b2` become 1 in total, and the weight tends to the cost of the unit; where they do not, the coefficients tend to
-/// zero, and all units of a class get equal weights, so that nothing is gained by moving them. The coefficients are
-/// those of weighted least squares; each sweep has `FORGETTING` times the weight of the next one, and a ridge holds them
-/// at a start value, `b1 = b2 = 1/2`, until there are observations.
+/// features, and `m` is the mean log cost of its class. A new unit gets the mean of its class. Where costs persist,
+/// `b1` and `b2` become 1 in total, and the weight tends to the cost of the unit; where they do not, the coefficients
+/// tend to zero, and all units of a class get equal weights, so that nothing is gained by moving them. The coefficients
+/// are those of weighted least squares; each sweep has `FORGETTING` times the weight of the next one, and a ridge holds
+/// them at a start value, `b1 = b2 = 1/2`, until there are observations.
 #[derive(Clone, Debug)]
 pub struct Predictor {
     quantity: Quantity,

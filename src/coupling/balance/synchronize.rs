@@ -74,8 +74,8 @@ impl<C: Comm> Coupling<C> {
         }
     }
 
-    /// Sends the units that left this rank to their new ranks, and their new ranks to the other scale. Returns the units
-    /// that arrived, with their origins, in the order of the migrated data.
+    /// Sends the units that left this rank to their new ranks, and their new ranks to the other scale. Returns the
+    /// units that arrived, with their origins, in the order of the migrated data.
     fn exchange_departures(
         &self,
         migration: &Migration,

@@ -188,8 +188,8 @@ pub fn skill<C: Comm>(scale: &C, weights: &[f64], measured: &[f64]) -> Result<Op
     Ok(rank_correlation(&weights, &measured))
 }
 
-/// Returns Spearman's rank correlation of two quantities, from -1 to 1; equal values have the mean of their ranks. Pairs
-/// with a NaN do not count. `None` if one of the quantities is constant.
+/// Returns Spearman's rank correlation of two quantities, from -1 to 1; equal values have the mean of their ranks.
+/// Pairs with a NaN do not count. `None` if one of the quantities is constant.
 pub fn rank_correlation(a: &[f64], b: &[f64]) -> Option<f64> {
     let known = |(a, b): &(&f64, &f64)| !a.is_nan() && !b.is_nan();
     let (a, b): (Vec<f64>, Vec<f64>) = a.iter().zip(b).filter(known).map(|(&a, &b)| (a, b)).unzip();

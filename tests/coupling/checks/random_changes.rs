@@ -127,8 +127,8 @@ impl<C: Comm> TestedCoupling<C> {
         Ok(())
     }
 
-    /// Moves about half of the units of the producer or of the consumer to other ranks of the same scale. Then, at times,
-    /// takes the permutation on one of the sides.
+    /// Moves about half of the units of the producer or of the consumer to other ranks of the same scale. Then, at
+    /// times, takes the permutation on one of the sides.
     fn migrate_units(&mut self, draw: &mut RandomChoices) -> Outcome {
         let moved = [Role::Producer, Role::Consumer][draw.random.below(2)];
         let ranks = if moved == Role::Producer { self.expected.len() } else { self.consumers };

@@ -11,8 +11,8 @@ use super::{Load, Planner, plan_if_better};
 /// Assigns the units, heaviest first, to the rank that has the least load so far (longest processing time first, LPT).
 /// The largest load is at most 4/3 of the least possible one, plus `stay`. Cost: O(n log n) for n units.
 ///
-/// Reference: R. L. Graham, *Bounds on multiprocessing timing anomalies*, SIAM Journal on Applied Mathematics 17 (1969),
-/// 416-429.
+/// Reference: R. L. Graham, *Bounds on multiprocessing timing anomalies*, SIAM Journal on Applied Mathematics 17
+/// (1969), 416-429.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LongestFirst {
     /// A unit stays on its rank if the load of this rank exceeds the least one by at most this fraction of the mean. At

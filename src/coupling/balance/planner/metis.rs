@@ -52,9 +52,9 @@ impl Affinity {
     }
 }
 
-/// Partitions the graph of the units into parts of equal weight with few edges between them, gives each part to the rank
-/// that has most of its weight, and moves single units until max/mean is below the tolerance. Cost: O(n log p) for n
-/// units on p ranks, with a larger factor than the other planners; METIS runs on every rank.
+/// Partitions the graph of the units into parts of equal weight with few edges between them, gives each part to the
+/// rank that has most of its weight, and moves single units until max/mean is below the tolerance. Cost: O(n log p) for
+/// n units on p ranks, with a larger factor than the other planners; METIS runs on every rank.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Metis {
     /// The graph of the units; `None` links each unit with the next one.

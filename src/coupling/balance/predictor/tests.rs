@@ -67,8 +67,8 @@ fn by_feature() -> Series {
     })
 }
 
-/// Returns the mean skill of weights over the last half of the sweeps, and the mean max/mean of sweeps that are balanced
-/// by them.
+/// Returns the mean skill of weights over the last half of the sweeps, and the mean max/mean of sweeps that are
+/// balanced by them.
 fn quality(weights: &mut dyn Weights, series: &Series) -> [f64; 2] {
     let mut histories: Vec<CostHistory> = (0..UNITS as u32).map(|unit| CostHistory::new(unit % 2)).collect();
     let (mut skill, mut balance) = (0.0, 0.0);
