@@ -148,7 +148,7 @@ impl<C: Comm> Cells<C> {
         Ok([all.iter().copied().fold(0.0, f64::max), max_over_mean(&all)])
     }
 
-    /// Migrates units if `accepts` does; their states have a kilobyte each.
+    /// Migrates units if that pays; their states have a kilobyte each. Returns whether it did.
     fn balance(
         &mut self,
         planner: &impl Planner,
@@ -175,7 +175,9 @@ impl<C: Comm> Cells<C> {
         self.histories = migration.apply(std::mem::take(&mut self.histories), arrived)?;
         self.histories.iter_mut().for_each(CostHistory::restart);
         self.coupling.migrate(&migration)?;
-        trigger.migrated(&loads, &plan, &estimate, start.elapsed().as_secs_f64());
+        let mut slowest = [start.elapsed().as_secs_f64()];
+        self.scale.max(&mut slowest)?;
+        trigger.migrated(&loads, &plan, &estimate, slowest[0]);
         (self.shares.moved, self.shares.migrations) = (self.shares.moved + plan.len(), self.shares.migrations + 1);
         Ok(true)
     }

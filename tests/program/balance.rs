@@ -5,7 +5,7 @@ use std::path::Path;
 use serde_json::Value;
 
 use crate::frozen;
-use crate::ranks::{coarse_dogbone, read, with_life_cycles, with_scales};
+use crate::ranks::{read, with_life_cycles, with_scales};
 use crate::run::{events, fibers, run};
 
 /// Returns a case whose RVEs move as often as any other plan seems better.
@@ -22,7 +22,7 @@ fn migrations(folder: &Path) -> Vec<Value> {
 #[test]
 fn migrations_do_not_change_results() {
     let folder = tempfile::tempdir().unwrap();
-    let text = coarse_dogbone();
+    let text = fibers(&frozen()).replace("cells = [1, 1, 1]", "cells = [2, 2, 1]");
     run(folder.path(), &text, "--out alone").done();
     let alone = read(folder.path(), "alone/loads.csv");
     let balances = ["planner = \"longest-first\"", "planner = \"greedy\", weights = \"seconds\"", "when = \"step\""];

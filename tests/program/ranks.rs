@@ -10,7 +10,7 @@ use crate::{frozen, line};
 const SHARES: [(usize, usize); 5] = [(1, 1), (1, 3), (2, 2), (3, 1), (4, 4)];
 
 /// Returns the dogbone of the examples with a coarser mesh, two steps and a smaller tolerance.
-pub fn coarse_dogbone() -> String {
+fn coarse_dogbone() -> String {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/dogbone");
     let text = std::fs::read_to_string(folder.join("dogbone.toml")).unwrap();
     let replacements = [
