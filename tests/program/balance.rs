@@ -113,7 +113,7 @@ fn balancing_can_be_switched_off_and_is_written_with_the_case() {
     assert!(read(folder.path(), "out/case.toml").contains("balance = { planner = \"none\" }"));
     run(folder.path(), &format!("{text}balance = {{ trigger = 1.2, when = \"step\" }}\n"), "--out out").done();
     let written = read(folder.path(), "out/case.toml");
-    assert!(written.contains("threshold = 1.2, sweeps = 3"), "{written}");
+    assert!(written.contains("threshold = 1.2, sweeps = 1"), "{written}");
     let again = run(folder.path(), &written, "--out again");
     again.done();
     assert_eq!(read(folder.path(), "again/case.toml").replace("again", "out"), written);

@@ -96,7 +96,7 @@
 //! [scales.balance]                         # how RVEs move between ranks (below)
 //! planner = "diffusive"                    # or "longest-first", "greedy", "metis"; "none": they stay
 //! weights = "predictor"                    # what an RVE costs next: or "seconds", "iterations", "unit"
-//! trigger = { threshold = 1.35, sweeps = 3, cool_down = 3, horizon = 10 }   # or the threshold alone
+//! trigger = { threshold = 1.05, sweeps = 1, cool_down = 0, horizon = 10 }   # or the threshold alone
 //! when = "iteration"                       # before any evaluation; or "step": before the first one of a step
 //!
 //! [output]

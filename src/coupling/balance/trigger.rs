@@ -21,12 +21,14 @@ pub struct TriggerParams {
     pub seconds_per_byte: f64,
 }
 
+/// Every sweep may lead to a migration, because one that does not pay is declined. Loads that drift then stay within 5 % of
+/// a perfect balance, where three unbalanced sweeps with max/mean of 1.35 leave 19 % (`docs/coupling.md`).
 impl Default for TriggerParams {
     fn default() -> Self {
         Self {
-            threshold: 1.35,
-            sweeps: 3,
-            cool_down: 3,
+            threshold: 1.05,
+            sweeps: 1,
+            cool_down: 0,
             horizon: 10.0,
             seconds_per_migration: 1e-2,
             seconds_per_byte: 2e-9,
@@ -169,9 +171,13 @@ mod tests {
 
     #[test]
     fn a_migration_is_due_after_three_unbalanced_sweeps() {
-        let mut trigger = Trigger::new(TriggerParams::default());
+        let mut trigger = Trigger::new(patient());
         let due = [1.4, 1.4, 1.2, 1.5, 1.35, 1.4, 1.4, 1.4, 1.4].map(|max_over_mean| trigger.observe(max_over_mean));
         assert_eq!(due, [false, false, false, false, false, true, false, false, true]);
+    }
+
+    fn patient() -> TriggerParams {
+        TriggerParams { threshold: 1.35, sweeps: 3, cool_down: 3, ..TriggerParams::default() }
     }
 
     fn unbalanced() -> (Loads, MigrationPlan) {
@@ -183,7 +189,7 @@ mod tests {
     #[test]
     fn sweeps_of_the_cool_down_do_not_count() {
         let (loads, plan) = unbalanced();
-        let mut trigger = Trigger::new(TriggerParams { sweeps: 1, cool_down: 2, ..TriggerParams::default() });
+        let mut trigger = Trigger::new(TriggerParams { sweeps: 1, cool_down: 2, ..patient() });
         assert!(trigger.observe(1.5));
         let estimate = trigger.estimate(&loads, &plan, 1.0).unwrap();
         trigger.migrated(&loads, &plan, &estimate, 0.1);
