@@ -9,7 +9,7 @@ use crate::ranks::{read, with_life_cycles, with_scales};
 use crate::run::{events, fibers, run};
 
 /// Returns a case whose RVEs move as often as any other plan seems better.
-fn restless(text: &str, scales: (usize, usize), balance: &str) -> String {
+pub fn restless(text: &str, scales: (usize, usize), balance: &str) -> String {
     let trigger = "{ threshold = 1.0, sweeps = 1, cool_down = 0, horizon = 1e12 }";
     format!("{}balance = {{ trigger = {trigger}, {balance} }}\n", with_scales(text, scales))
 }

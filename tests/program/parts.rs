@@ -5,6 +5,7 @@ use std::path::Path;
 
 use biotissue::app::results::{PointValues, read_points};
 
+use crate::balance::restless;
 use crate::ranks::processes::{assert_same_to_rounding, launched, mpirun_done, one_at_a_time};
 use crate::ranks::{read, with_life_cycles, with_scales};
 use crate::run::{PRESSED, events, fibers, run, write_case};
@@ -84,7 +85,8 @@ fn bodies_in_parts_give_the_same_loads_and_fields() {
     }
 }
 
-/// RVEs of a part are solved by the micro scale like those of a whole body; networks come from all ranks.
+/// RVEs of a part are solved by the micro scale like those of a whole body, whichever of its ranks they move to; networks
+/// come from all ranks.
 #[test]
 fn networks_of_bodies_in_parts_are_written() {
     let _turn = one_at_a_time();
@@ -93,8 +95,9 @@ fn networks_of_bodies_in_parts_are_written() {
     let text = fibers(&frozen()).replace("cells = [1, 1, 1]", "cells = [3, 1, 1]");
     let text = format!("{text}[newton]\ntolerance = 1e-12\n[output]\npoints = true\nrve = [1, 4, 16]\n");
     run(folder, &text, "--out alone --backend sparse").done();
-    write_case(folder, "case.toml", &with_scales(&text, (3, 2)));
+    write_case(folder, "case.toml", &restless(&text, (3, 2), "planner = \"longest-first\""));
     mpirun_done(folder, 5, "run case.toml --backend petsc --out parts");
+    assert!(events(&folder.join("parts")).iter().any(|event| event["event"] == "migration"));
     assert_same_to_rounding(&read(folder, "parts/loads.csv"), &read(folder, "alone/loads.csv"));
     assert_same_points(&folder.join("parts/points-00002.pvtu"), &folder.join("alone/points-00002.vtu"));
     for file in ["rve/element-00001-step-00002.vtp", "rve/element-00016-step-00001.vtp", "rve/element-00004.pvd"] {
