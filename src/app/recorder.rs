@@ -286,7 +286,7 @@ impl Recorder<'_> {
             newton,
             rve: Some(step.field.rve_counts()).filter(|counts| counts.rves > 0).map(|counts| rve_log(&stats, &counts)),
             balance: balance(&step.forces),
-            scales: self.shares.take(),
+            scales: self.shares.take().map(Box::new),
         };
         self.failed_rve = None;
         self.progress.converged(&line);

@@ -91,7 +91,7 @@ pub struct Step {
     pub balance: Balance,
     /// How the ranks shared the work; only in runs on several ranks.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub scales: Option<ScalesLog>,
+    pub scales: Option<Box<ScalesLog>>,
 }
 
 /// How the ranks of both scales shared the work of a step, cuts included.

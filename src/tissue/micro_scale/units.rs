@@ -173,7 +173,8 @@ impl<B: RealBackend> Units<B> {
 
     /// Bytes that all RVEs own in a run: states, last responses, and the start values of the next solves.
     pub fn bytes(&self) -> usize {
-        self.units.iter().map(|unit| unit.bytes(self.library.predict)).sum()
+        let of_costs = size_of::<Cost>() + size_of::<CostHistory>();
+        self.units.iter().map(|unit| unit.bytes(self.library.predict) + of_costs).sum()
     }
 
     /// Returns the counters of the RVEs since the last call.

@@ -39,6 +39,9 @@ pub(super) struct Tentative {
     blocks: Vec<f64>,
 }
 
+/// The nodes of an aggregate, each with the number of the aggregate before it.
+type Group<'a> = &'a [(u32, u32)];
+
 /// Orthonormalizes the near null space on each aggregate: `B = Q R` gives the tentative prolongation `Q` and the near
 /// null space `R` of the coarse matrix. Columns that depend on previous ones, as rotations of a single node do, are zero
 /// in both.
@@ -47,8 +50,8 @@ pub(super) fn tentative(aggregates: &Aggregates, modes: &NodeModes) -> (Tentativ
     let mut members: Vec<(u32, u32)> =
         aggregates.of_node.iter().zip(0..).filter(|(of, _)| **of != NONE).map(|(&of, node)| (of, node)).collect();
     members.sort_unstable();
-    let groups: Vec<&[(u32, u32)]> = members.chunk_by(|one, other| one.0 == other.0).collect();
-    let of_task = |(groups, factors): (&[&[(u32, u32)]], &mut [f64])| {
+    let groups: Vec<Group<'_>> = members.chunk_by(|one, other| one.0 == other.0).collect();
+    let of_task = |(groups, factors): (&[Group<'_>], &mut [f64])| {
         let mut columns: Vec<Vec<f64>> = vec![Vec::new(); k];
         let mut blocks = Vec::new();
         for (group, factor) in groups.iter().zip(factors.chunks_exact_mut(k * k)) {
