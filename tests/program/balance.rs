@@ -95,7 +95,7 @@ fn a_step_is_cut_after_migrations() {
     let text = fibers(&frozen()).replace("cells = [1, 1, 1]", "cells = [2, 1, 1]");
     let text =
         text.replace("displacement = { x = 0.05 }", "displacement = { x = 0.4 }").replace("count = 2", "count = 1");
-    let text = format!("{text}max_cuts = 8\n[newton]\nmax_iterations = 3\n");
+    let text = format!("{text}max_cuts = 8\n[newton]\nmax_iterations = 2\n");
     run(folder.path(), &text, "--out alone").done();
     let alone = read(folder.path(), "alone/loads.csv");
     assert!(events(&folder.path().join("alone")).iter().any(|event| event["event"] == "cut"));
