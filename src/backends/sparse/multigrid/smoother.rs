@@ -12,8 +12,8 @@ use crate::parallel;
 /// The number of block rows that a task prepares.
 const ROWS_PER_TASK: usize = 1024;
 
-/// The least number of entries of the diagonal blocks of a chunk.
-const LEAST_ENTRIES: usize = 9 * 4096;
+/// The least number of block rows of a chunk; of blocks with more than nine entries, correspondingly fewer.
+const LEAST_ROWS: usize = 4096;
 
 /// A pivot of a diagonal block that is smaller than this fraction of its largest entry is zero up to rounding.
 const SINGULAR: f64 = 1e-14;
@@ -41,7 +41,7 @@ pub(super) struct SingularBlock {
 
 /// Returns the number of rows per chunk of a matrix.
 fn chunk_of<T: Entry>(a: &BlockMatrix<T>) -> usize {
-    a.rows().div_ceil(MOST_CHUNKS).max(LEAST_ENTRIES / (a.size.0 * a.size.0))
+    a.rows().div_ceil(MOST_CHUNKS).max(9 * LEAST_ROWS / (a.size.0 * a.size.0).max(9))
 }
 
 /// Returns the index of the diagonal block of each row.
