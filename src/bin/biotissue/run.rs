@@ -6,7 +6,6 @@ use std::time::Duration;
 use biotissue::app::case::{Case, ScalesCase};
 use biotissue::app::results::LOADS_FILE;
 use biotissue::app::run::{RunError, RunSummary, Setup, Simulation, WriterGroup};
-use biotissue::backends;
 use biotissue::coupling::{Config, Plan};
 
 use biotissue::tissue::micro_scale::TissueMaterial;
@@ -90,7 +89,7 @@ pub fn run(command: RunCommand) -> Result<(), Failure> {
     // A single process started by mpirun is one rank.
     let requested = command.ranks.or_else(ranks::started_by_mpirun);
     let summary = match ranks::of_threads(requested, case.scales, plan.as_ref().map(|(plan, _)| plan)) {
-        None => in_pool(backend, || dispatch(backend, RunJob { case, dir: &dir, resume }))?,
+        None => dispatch(backend, RunJob { case, dir: &dir, resume })?,
         Some(count) if count > MAX_THREADS => return Err(too_many_ranks(count)),
         Some(count) => ranks::on_threads(count, &RunContext { case, dir: &dir, resume, backend, plan, time_out })?,
     };
@@ -188,19 +187,15 @@ impl Common {
         self.backend.as_deref()
     }
 
-    /// Starts the threads of both scales.
+    /// Sets the number of threads of both scales.
     pub fn start_threads(&self) -> Result<(), Failure> {
-        /// The size of the stack of a main thread, bytes: a run takes place on a thread of the pool.
-        const STACK: usize = 8 << 20;
-        if let Some(count) = self.threads.filter(|count| !(1..=MAX_THREADS).contains(count)) {
+        let Some(count) = self.threads else { return Ok(()) };
+        if !(1..=MAX_THREADS).contains(&count) {
             let expected = format!("a number of threads between 1 and {MAX_THREADS}");
             let cure = "leave --threads out to use all cores";
             return Err(Failure::arguments(format!("invalid --threads {count}"), expected, cure));
         }
-        // Zero stands for the number of cores.
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(self.threads.unwrap_or(0)).stack_size(STACK);
-        pool.build_global().map_err(|error| {
-            let count = self.threads.map_or("the".into(), |count| count.to_string());
+        rayon::ThreadPoolBuilder::new().num_threads(count).build_global().map_err(|error| {
             Failure::environment(
                 format!("{count} threads cannot be started: {error}"),
                 "a system that allows that many threads",
@@ -208,13 +203,6 @@ impl Common {
             )
         })
     }
-}
-
-/// Runs on a thread of the pool, so that the many short loops of a run need no change of threads to start. A run on PETSc
-/// stays on the main thread, which must start and end MPI.
-fn in_pool<R: Send>(backend: Option<&str>, run: impl FnOnce() -> R + Send) -> R {
-    let backend = backend.or(backends::compiled().first().copied());
-    if backend == Some("petsc") { run() } else { rayon::scope(|_| run()) }
 }
 
 fn too_many_ranks(count: usize) -> Failure {
