@@ -12,8 +12,9 @@ use super::results::log::{
     Balance, Cut, Event, Factorizations, LinearLog, LogWriter, Migration, NewtonLog, NewtonSeconds, Ranks, RveLog, Step,
 };
 use super::results::{
-    self, CASE_FILE, Collection, FIELDS_FILE, FieldFile, LOADS_FILE, LOG_FILE, LoadNames, LoadRow, LoadsWriter,
-    POINTS_FILE, ResultsError, ResultsRecord, RigidRow, RunProgress, SurfaceRow, failed_rve_file,
+    self, CASE_FILE, COSTS_FILE, Collection, CostRow, CostsWriter, FIELDS_FILE, FieldFile, LOADS_FILE, LOG_FILE,
+    LoadNames, LoadRow, LoadsWriter, POINTS_FILE, ResultsError, ResultsRecord, RigidRow, RunProgress, SurfaceRow,
+    failed_rve_file,
 };
 use super::rve_files::NetworkFiles;
 use crate::fem::mesh::Mesh;
@@ -21,7 +22,7 @@ use crate::fem::reactions::{BoundaryForces, RigidForce, SurfaceForce};
 use crate::fem::stepping::{ConvergedStep, FailedAttempt, Iterating};
 use crate::las::{self, NewtonReport, SolveReport};
 use crate::output;
-use crate::tissue::micro_scale::{FailedRve, RveCounts, RveStats, TissueMaterial};
+use crate::tissue::micro_scale::{FailedRve, RveCost, RveCounts, RveStats, TissueMaterial};
 
 /// An observer of the progress of a run.
 pub trait Progress {
@@ -68,6 +69,8 @@ pub(super) struct Recorder<'a> {
     files: Arc<FieldFiles>,
     loads: LoadsWriter,
     log: LogWriter,
+    /// The costs of RVEs, if they are written.
+    costs: Option<CostsWriter>,
     fields: Collection,
     /// The collection of integration points, if they are written.
     points: Option<Collection>,
@@ -122,6 +125,11 @@ impl<'a> Recorder<'a> {
                 )
             }
         };
+        let costs_file = dir.join(COSTS_FILE);
+        let costs = case.output.costs.then(|| match resumed {
+            None => CostsWriter::create(&costs_file),
+            Some(on) => CostsWriter::resume(&costs_file, on.progress.steps),
+        });
         let points_file = dir.join(POINTS_FILE);
         let points = match resumed {
             None => Collection::new(points_file),
@@ -143,6 +151,7 @@ impl<'a> Recorder<'a> {
             files: Arc::clone(&files),
             loads,
             log,
+            costs: costs.transpose()?,
             fields,
             points: case.output.points.then_some(points),
             networks,
@@ -223,6 +232,26 @@ impl<'a> Recorder<'a> {
             self.log.write(&Event::Ranks(Ranks { step, iteration, ranks: ranks.clone() }))?;
         }
         self.shares.add(field.ranks()[0], sweeps, &balance);
+        self.write_costs(step, field)
+    }
+
+    fn write_costs(&mut self, step: usize, field: &impl TissueMaterial) -> Result<(), ResultsError> {
+        let Some(costs) = &mut self.costs else { return Ok(()) };
+        let network = |model: Option<u32>| {
+            let model = model.and_then(|model| field.library().models().get(model as usize));
+            model.map(|model| model.network().name().to_owned()).unwrap_or_default()
+        };
+        for sweep in field.take_costs() {
+            let iteration = costs.next_iteration(step);
+            costs.write(sweep.into_iter().map(|RveCost { point, model, iterations, seconds }| CostRow {
+                step,
+                iteration,
+                rve: point,
+                network: network(model),
+                iterations,
+                seconds,
+            }))?;
+        }
         Ok(())
     }
 

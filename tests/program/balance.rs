@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use biotissue::app::results::{CostRow, read_costs};
 use serde_json::Value;
 
 use crate::frozen;
@@ -102,6 +103,51 @@ fn a_step_is_cut_after_migrations() {
     run(folder.path(), &restless(&text, (2, 3), "planner = \"longest-first\""), "--out shared").done();
     assert_eq!(read(folder.path(), "shared/loads.csv"), alone);
     assert!(!migrations(&folder.path().join("shared")).is_empty());
+}
+
+/// Every RVE has one row per sweep, whatever rank solves it, and the rows add up to the counts of the log.
+#[test]
+fn the_costs_of_all_sweeps_are_recorded() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = fibers(&frozen()).replace("cells = [1, 1, 1]", "cells = [2, 1, 1]");
+    let text = text.replace("displacement = { x = 0.05 }", "displacement = { x = 0.4 }");
+    let text = format!("{text}max_cuts = 8\n[newton]\nmax_iterations = 2\n[output]\ncosts = true\n");
+    run(folder.path(), &text, "--out alone").done();
+    run(folder.path(), &restless(&text, (1, 3), "planner = \"longest-first\""), "--out shared").done();
+    let rows = |run: &str| {
+        let mut rows = read_costs(&folder.path().join(run).join("costs.csv")).unwrap();
+        rows.sort_by_key(|row| (row.step, row.iteration, row.rve));
+        rows
+    };
+    let work = |rows: &[CostRow]| -> Vec<_> {
+        rows.iter().map(|row| (row.step, row.iteration, row.rve, row.network.clone(), row.iterations)).collect()
+    };
+    let alone = rows("alone");
+    assert!(work(&rows("shared")) == work(&alone), "the rows depend on the ranks");
+    assert!(alone.iter().all(|row| row.network == alone[0].network && !row.network.is_empty()));
+    let log = events(&folder.path().join("alone"));
+    assert!(log.iter().any(|event| event["event"] == "cut"));
+    for (step, event) in (1..).zip(log.iter().filter(|event| event["event"] == "step")) {
+        let of_step: Vec<&CostRow> = alone.iter().filter(|row| row.step == step).collect();
+        let sweeps = of_step.iter().map(|row| row.iteration).max().unwrap();
+        assert_eq!(of_step.len(), sweeps * 12, "every RVE once per sweep");
+        let iterations: u64 = of_step.iter().map(|row| u64::from(row.iterations)).sum();
+        assert_eq!(event["rve"]["iterations_total"], iterations);
+        let seconds: f64 = of_step.iter().map(|row| row.seconds).sum();
+        assert!((event["rve"]["seconds_cpu"].as_f64().unwrap() - seconds).abs() < 1e-9);
+    }
+    // A resumed run replaces the rows of the step that it repeats; it first evaluates the converged state again, where
+    // all RVEs reuse their responses.
+    std::fs::remove_file(folder.path().join("alone/checkpoint/step-00002.bin")).unwrap();
+    run(folder.path(), &text, "--out alone --resume").done();
+    let count = |rows: &[CostRow], step: usize| -> u32 {
+        rows.iter().filter(|row| row.step == step).map(|row| row.iterations).sum()
+    };
+    let resumed = rows("alone");
+    assert!(count(&resumed, 2) > 0 && [1, 2].iter().all(|&step| count(&resumed, step) == count(&alone, step)));
+    // A run without costs removes those of the run before.
+    run(folder.path(), &text.replace("costs = true", ""), "--out alone").done();
+    assert!(!folder.path().join("alone/costs.csv").exists());
 }
 
 #[test]

@@ -328,6 +328,8 @@ pub struct OutputCase {
     pub checkpoint: usize,
     /// Whether the values at the integration points are written with the fields.
     pub points: bool,
+    /// Whether the costs of all RVEs are written.
+    pub costs: bool,
     /// The elements whose deformed networks are written too.
     pub rve: ElementSelection,
 }
@@ -335,6 +337,6 @@ pub struct OutputCase {
 impl Default for OutputCase {
     fn default() -> Self {
         let rve = ElementSelection::None;
-        Self { directory: PathBuf::new(), every: 1, checkpoint: 1, points: false, rve }
+        Self { directory: PathBuf::new(), every: 1, checkpoint: 1, points: false, costs: false, rve }
     }
 }

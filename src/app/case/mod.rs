@@ -104,6 +104,7 @@
 //! every = 1                                # default; steps between two writings of the fields; 0: no fields
 //! checkpoint = 1                           # default; steps between two checkpoints
 //! points = false                           # default; or true: also the values at the integration points
+//! costs = false                            # default; or true: what each RVE costs in every sweep
 //! rve = "none"                             # default; or "all", or ids of elements, such as [0, 17]
 //! "#;
 //! # use std::path::Path;

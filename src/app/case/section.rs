@@ -315,6 +315,7 @@ pub(super) fn output(root: &mut Table<'_>, base: &Path, any_network: bool) -> Ou
         output.every = table.integer("every", 0..=1_000_000).unwrap_or(1);
         output.checkpoint = table.integer("checkpoint", 1..=1_000_000).unwrap_or(1);
         output.points = table.boolean("points").unwrap_or(false);
+        output.costs = table.boolean("costs").unwrap_or(false);
         output.rve = table.get("rve").and_then(|value| rve_output(&value)).unwrap_or(ElementSelection::None);
         if output.rve != ElementSelection::None && !any_network {
             table.problems.warn(table.line, "`output.rve` has no effect: no region has the model \"fiber-rve\"");

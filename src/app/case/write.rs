@@ -139,7 +139,8 @@ impl Case {
             entry("checkpoint", output.checkpoint),
         ];
         let points = output.points.then(|| entry("points", true));
-        section(&mut out, "[output]", entries.into_iter().chain(points).chain([rve]));
+        let costs = output.costs.then(|| entry("costs", true));
+        section(&mut out, "[output]", entries.into_iter().chain(points).chain(costs).chain([rve]));
         out
     }
 }

@@ -7,12 +7,12 @@ use super::names::{FileName, numbers};
 use super::origin::is_report;
 use super::replace::names_in;
 use super::{
-    CASE_FILE, FAILED_RVE_FOLDER, FIELDS_FILE, LOADS_FILE, LOG_FILE, NETWORKS_FOLDER, POINTS_FILE, REPORT_FILE,
-    ResultsError,
+    CASE_FILE, COSTS_FILE, FAILED_RVE_FOLDER, FIELDS_FILE, LOADS_FILE, LOG_FILE, NETWORKS_FOLDER, POINTS_FILE,
+    REPORT_FILE, ResultsError,
 };
 use crate::output::final_name;
 
-/// Removes the loads, log, fields, integration points, networks and report page of an earlier run, finished or not, from a result
+/// Removes the loads, costs, log, fields, integration points, networks and report page of an earlier run, finished or not, from a result
 /// directory. Files with other names, checkpoints, and a report page that this program did not write stay. The caller
 /// must first check with [`check_origin`](super::check_origin) that the files were written by a run.
 ///
@@ -20,7 +20,7 @@ use crate::output::final_name;
 /// Returns [`ResultsError::Write`] if a file cannot be removed, or [`ResultsError::Read`] if the report page cannot be
 /// read.
 pub fn clear(dir: &Path) -> Result<(), ResultsError> {
-    let single = [FIELDS_FILE, POINTS_FILE, LOADS_FILE, LOG_FILE];
+    let single = [FIELDS_FILE, POINTS_FILE, LOADS_FILE, LOG_FILE, COSTS_FILE];
     remove(dir, |name| single.contains(&name) || is_fields(name))?;
     remove(&dir.join(NETWORKS_FOLDER), is_networks)?;
     remove(&dir.join(FAILED_RVE_FOLDER), is_lost)?;
@@ -37,7 +37,7 @@ pub fn clear(dir: &Path) -> Result<(), ResultsError> {
 /// # Errors
 /// Returns [`ResultsError::Write`] if a file cannot be removed.
 pub fn clear_unfinished(dir: &Path) -> Result<(), ResultsError> {
-    let single = [CASE_FILE, FIELDS_FILE, POINTS_FILE, LOADS_FILE, LOG_FILE, REPORT_FILE];
+    let single = [CASE_FILE, FIELDS_FILE, POINTS_FILE, LOADS_FILE, LOG_FILE, COSTS_FILE, REPORT_FILE];
     remove_as(dir, |name, unfinished| is_partial(name) || unfinished && (single.contains(&name) || is_fields(name)))?;
     remove_as(&dir.join(NETWORKS_FOLDER), |name, unfinished| is_partial(name) || unfinished && is_networks(name))?;
     remove_as(&dir.join(FAILED_RVE_FOLDER), |name, unfinished| unfinished && is_lost(name))

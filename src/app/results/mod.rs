@@ -6,6 +6,7 @@
 //! | for a divided body: `.pvtu` files and the `.vtu` pieces they name | [`pieces`] | at every output step |
 //! | `points.pvd` and the `.vtu` (or `.pvtu`) files it names | [`collection`], [`points`] | with the fields, if requested |
 //! | `loads.csv` | [`loads`] | one row per converged step |
+//! | `costs.csv` | [`costs`] | one row per RVE and sweep, if requested |
 //! | `log.jsonl` | [`log`] | one line per event |
 //! | `rve/element-NNNNN.pvd` and the `.vtp` files it names | [`collection`], [`networks`] | with the fields, if requested |
 //! | `checkpoint/step-NNNNN.bin` and its pieces, the last two | [`super::checkpoint`] | at every converged step, or as often as the case says |
@@ -23,6 +24,7 @@
 
 mod clear;
 pub mod collection;
+pub mod costs;
 mod error;
 pub mod fields;
 mod fields_read;
@@ -42,6 +44,7 @@ mod vtk_cells;
 pub use clear::{clear, clear_after, clear_unfinished};
 pub(in crate::app) use clear::{failed_rve_file, remove_as};
 pub use collection::Collection;
+pub use costs::{CostRow, CostsWriter, read_costs};
 pub use error::ResultsError;
 pub use fields::{FieldSet, Fields, read_fields, read_vtu, write_vtu};
 pub use loads::{LoadNames, LoadRow, Loads, LoadsWriter, RigidRow, SurfaceRow};
@@ -63,6 +66,8 @@ pub const FIELDS_FILE: &str = "fields.pvd";
 pub const POINTS_FILE: &str = "points.pvd";
 /// Name of the table of loads in a result directory.
 pub const LOADS_FILE: &str = "loads.csv";
+/// Name of the table of costs in a result directory.
+pub const COSTS_FILE: &str = "costs.csv";
 /// Name of the log in a result directory.
 pub const LOG_FILE: &str = "log.jsonl";
 /// Name of the folder of deformed networks in a result directory.

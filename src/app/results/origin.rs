@@ -9,11 +9,12 @@ use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
 
 use super::clear::is_lost;
+use super::costs;
 use super::log::{self, Event};
 use super::names::FileName;
 use super::replace::names_in;
 use super::{
-    CASE_FILE, CHECKPOINT_FOLDER, Collection, FAILED_RVE_FOLDER, FIELDS_FILE, LOADS_FILE, LOG_FILE, Loads,
+    CASE_FILE, CHECKPOINT_FOLDER, COSTS_FILE, Collection, FAILED_RVE_FOLDER, FIELDS_FILE, LOADS_FILE, LOG_FILE, Loads,
     NETWORKS_FOLDER, POINTS_FILE, ResultsError,
 };
 use crate::app::case::Case;
@@ -46,6 +47,7 @@ pub fn check_origin(dir: &Path) -> Result<(), ResultsError> {
             CASE_FILE => is_case_copy,
             LOADS_FILE => |bytes, _| is_loads(bytes),
             LOG_FILE => |bytes, _| is_log(bytes),
+            COSTS_FILE => |bytes, _| bytes.starts_with(costs::HEADER.as_bytes()),
             FIELDS_FILE | POINTS_FILE => {
                 |bytes, _| is_collection_of(bytes, |name| name.is_fields() && !matches!(name, FileName::Part { .. }))
             }

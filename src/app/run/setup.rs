@@ -62,7 +62,14 @@ impl<B: RealBackend> Setup<B> {
     /// conditions leave a rigid-body mode.
     pub fn new(context: B::Context, case: Case) -> Result<Self, SimulationError<B::Error>> {
         let of_rves = context.clone();
-        Self::with_material(context, case, None, |materials, mesh| TissueField::new(of_rves, materials, mesh))
+        let costs = case.output.costs;
+        Self::with_material(context, case, None, |materials, mesh| {
+            let (mut field, warnings) = TissueField::new(of_rves, materials, mesh)?;
+            if costs {
+                field.keep_costs();
+            }
+            Ok((field, warnings))
+        })
     }
 }
 

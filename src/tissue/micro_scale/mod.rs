@@ -7,12 +7,14 @@
 //! | `unit`, `worker` | one RVE; the scratch memory of one thread |
 //! | `units` | the RVEs of one rank, solved on its threads |
 //! | `sites` | the material of each point: a formula, an RVE, or the substitute of an RVE that is not awake |
+//! | `costs` | what each RVE cost in each sweep |
 //! | `lifecycle` | when an RVE is created, sleeps, wakes and is deleted |
 //! | `moving` | an RVE on the way to another rank |
 //! | `saved`, `raw`, `summary` | the saved state of an RVE in memory and in files, and its values for the result files |
 //! | `pieces` | the files of a checkpoint with the states of the RVEs of one rank |
 //! | this one | the body in one process ([`TissueField`]), and the interface to a run ([`TissueMaterial`]) |
 
+mod costs;
 mod error;
 mod library;
 mod lifecycle;
@@ -37,6 +39,7 @@ use crate::las::{Backend, RealBackend};
 use crate::tissue::materials::Materials;
 use crate::tissue::two_scale::{BalanceReport, RankTimes};
 
+pub use costs::RveCost;
 pub use error::{PointFailure, PointFailureKind, TissueFieldError};
 pub use library::{Library, LibraryError, PointMaterial};
 pub use lifecycle::RveStatus;
@@ -82,6 +85,9 @@ pub trait TissueMaterial: PointField<Error = TissueFieldError> {
     fn take_balance(&self) -> BalanceReport {
         BalanceReport::default()
     }
+
+    /// Returns what each RVE cost since the last call, per trial state; empty unless it is kept.
+    fn take_costs(&self) -> Vec<Vec<RveCost>>;
 
     /// Returns the RVE that made the last update fail; a second call returns `None`.
     fn take_failed_rve(&self) -> Option<FailedRve>;
@@ -155,6 +161,11 @@ impl<B: RealBackend> TissueField<B> {
         let mut field = Self { sites, units: Units::new(library), unit_of: HashMap::new() };
         field.create_existing();
         Ok((field, warnings))
+    }
+
+    /// Keeps what each RVE costs, for [`TissueMaterial::take_costs`].
+    pub fn keep_costs(&mut self) {
+        self.units.keep_costs();
     }
 
     /// Replaces all RVEs by new ones at rest, for the points whose RVE exists.
@@ -253,6 +264,10 @@ impl<B: RealBackend> TissueMaterial for TissueField<B> {
 
     fn take_stats(&self) -> RveStats {
         self.units.take_stats()
+    }
+
+    fn take_costs(&self) -> Vec<Vec<RveCost>> {
+        self.units.take_costs()
     }
 
     fn take_failed_rve(&self) -> Option<FailedRve> {

@@ -8,6 +8,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use nalgebra::Matrix3;
 use rayon::prelude::*;
 
+use super::costs::{KeptCosts, RveCost};
 use super::error::PointFailure;
 use super::library::Library;
 use super::pieces::{self, Piece};
@@ -35,6 +36,8 @@ pub(in crate::tissue) struct Units<B: Backend> {
     /// What every unit cost in the last sweep over all units, and before.
     costs: Vec<Cost>,
     histories: Vec<CostHistory>,
+    /// The costs of every sweep, if they are part of the output.
+    kept_costs: Option<KeptCosts>,
     workers: Vec<Mutex<Worker<B>>>,
     /// Behind a lock, because observers of a run have only shared access to the units.
     stats: Mutex<RveStats>,
@@ -72,8 +75,8 @@ impl<B: RealBackend> Units<B> {
     pub fn new(library: Library<B>) -> Self {
         let models = library.models.len();
         let workers = (0..rayon::current_num_threads()).map(|_| Mutex::new(Worker::new(models))).collect();
-        let (units, points, costs, histories, stats, failed_rve) = Default::default();
-        Self { library, units, points, costs, histories, workers, stats, failed_rve }
+        let (units, points, costs, histories, kept_costs, stats, failed_rve) = Default::default();
+        Self { library, units, points, costs, histories, kept_costs, workers, stats, failed_rve }
     }
 
     /// Returns the data that all RVEs share.
@@ -123,6 +126,27 @@ impl<B: RealBackend> Units<B> {
     /// the former costs after a failure.
     pub fn costs(&self) -> &[Cost] {
         &self.costs
+    }
+
+    /// Keeps the costs of every sweep from now on, for [`Units::take_costs`].
+    pub fn keep_costs(&mut self) {
+        self.kept_costs.get_or_insert_default();
+    }
+
+    /// Returns the costs of the sweeps since the last call, those of verifications included; empty if they are not kept.
+    /// A sweep in which an RVE failed has those of the points up to the failed one.
+    pub fn take_costs(&self) -> Vec<Vec<RveCost>> {
+        self.kept_costs.as_ref().map(KeptCosts::take).unwrap_or_default()
+    }
+
+    fn keep_sweep(&mut self, lowest_failed: usize) {
+        let Some(kept) = &mut self.kept_costs else { return };
+        let costs = self.points.iter().zip(&self.units).zip(&self.costs);
+        let counted = costs.filter(|((point, _), _)| **point <= lowest_failed);
+        let of_unit = |((&point, unit), cost): ((&usize, &Unit), &Cost)| {
+            RveCost::new(point, unit.fibers.as_ref().map(|fibers| fibers.model), cost)
+        };
+        kept.push(counted.map(of_unit).collect());
     }
 
     /// Appends the costs of the last [`Units::solve`] to the histories.
@@ -276,6 +300,7 @@ impl<B: RealBackend> Units<B> {
         }
         let all = self.stats.get_mut().unwrap_or_else(PoisonError::into_inner);
         *all = all.merge(sum);
+        self.keep_sweep(lowest);
         let Some((number, gradient, reason)) = failed else { return Ok(chosen) };
         // Those that were skipped would seem to cost nothing.
         self.costs.iter_mut().zip(&self.histories).for_each(|(cost, history)| *cost = history.last());

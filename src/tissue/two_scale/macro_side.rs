@@ -19,7 +19,7 @@ use crate::las::{Backend, Comm, RealBackend};
 use crate::tissue::materials::Materials;
 use crate::tissue::micro_scale::{
     DeformedNetwork, FailedRve, FieldRestoreError, Library, LibraryError, Piece, PieceError, PointFailure,
-    PointSummary, RveCounts, RveStats, SavedSites, Sites, TissueFieldError, TissueMaterial, check_count,
+    PointSummary, RveCost, RveCounts, RveStats, SavedSites, Sites, TissueFieldError, TissueMaterial, check_count,
 };
 
 /// The material of a body whose RVEs are solved by the micro scale.
@@ -47,6 +47,8 @@ struct Reports {
     stats: Mutex<RveStats>,
     times: Mutex<Vec<Vec<RankTimes>>>,
     balance: Mutex<BalanceReport>,
+    /// The costs of the RVEs per trial state, on the root.
+    costs: Mutex<Vec<Vec<RveCost>>>,
     bytes: usize,
 }
 
@@ -220,7 +222,10 @@ impl<'a, C: Comm, B: RealBackend> ScaleField<'a, C, B> {
         let balance = self.reports.balance.get_mut().unwrap_or_else(PoisonError::into_inner);
         balance.skill = reports.first().and_then(|report| report.skill);
         balance.migrations.extend(self.micro.take_migrations());
+        let mut costs = Vec::new();
         for (report, &rank) in reports.into_iter().zip(self.micro.ranks()) {
+            costs.resize_with(report.costs.len(), Vec::new);
+            costs.iter_mut().zip(report.costs).for_each(|(all, of_rank)| all.extend(of_rank));
             stats = stats.merge(report.stats);
             for mut unit in report.units {
                 // The root writes the networks.
@@ -237,6 +242,7 @@ impl<'a, C: Comm, B: RealBackend> ScaleField<'a, C, B> {
         *reports = reports.merge(stats);
         if is_root {
             self.reports.times.get_mut().unwrap_or_else(PoisonError::into_inner).extend(iterations);
+            self.reports.costs.get_mut().unwrap_or_else(PoisonError::into_inner).extend(costs);
         }
         self.micro.restart_clock();
         Ok(())
@@ -350,6 +356,10 @@ impl<C: Comm, B: RealBackend> TissueMaterial for ScaleField<'_, C, B> {
 
     fn take_balance(&self) -> BalanceReport {
         std::mem::take(&mut self.reports.balance.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    fn take_costs(&self) -> Vec<Vec<RveCost>> {
+        std::mem::take(&mut self.reports.costs.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
     fn take_failed_rve(&self) -> Option<FailedRve> {

@@ -21,15 +21,23 @@ use crate::tissue::micro_scale::{
     DeformedNetwork, Library, Piece, PointFailure, PointMaterial, SerializeIter, UnitState, Units,
 };
 
-/// The main function of the micro scale on one rank; the macro scale receives the deformed networks of the elements in
-/// `output`. With `balance`, the ranks balance their load; [`ScaleField::new`](super::ScaleField::new) gets the same.
+/// What a rank of the micro scale sends to the macro scale for the results.
+#[derive(Clone, Debug)]
+pub struct MicroOutput {
+    /// The elements whose deformed networks are sent.
+    pub networks: ElementSelection,
+    /// Whether the costs of all RVEs in every sweep are sent.
+    pub costs: bool,
+}
+
+/// The main function of the micro scale on one rank. With `balance`, the ranks balance their load; [`ScaleField::new`](super::ScaleField::new) gets the same.
 ///
 /// # Errors
 /// Returns [`TwoScaleError`] if communication fails or a message does not follow the protocol.
 pub fn run<C: Comm, B: RealBackend>(
     scales: &Scales<C>,
     library: Library<B>,
-    output: ElementSelection,
+    output: MicroOutput,
     balance: Option<BalanceParams>,
 ) -> Result<(), TwoScaleError> {
     let macro_scale = scales.find(MACRO).ok_or(TwoScaleError::Scale(MACRO))?;
@@ -37,8 +45,12 @@ pub fn run<C: Comm, B: RealBackend>(
     let between = RankTimes::of_rank(scales.world().rank());
     let balancer =
         balance.filter(|_| scales.comm().size() > 1).map(|params| Balancer::new(params, library.models().len()));
-    let (units, (tasks, failed, times)) = (Units::new(library), Default::default());
-    MicroSide { scales, macro_scale, output, units, channels, balancer, tasks, failed, times, between }.run()
+    let (mut units, (tasks, failed, times)) = (Units::new(library), Default::default());
+    if output.costs {
+        units.keep_costs();
+    }
+    let networks = output.networks;
+    MicroSide { scales, macro_scale, networks, units, channels, balancer, tasks, failed, times, between }.run()
 }
 
 /// The RVEs of a rank and their couplings.
@@ -46,7 +58,8 @@ struct MicroSide<'a, C: Comm, B: Backend> {
     scales: &'a Scales<C>,
     /// Index of the macro scale in `scales`.
     macro_scale: usize,
-    output: ElementSelection,
+    /// The elements whose deformed networks are part of the output.
+    networks: ElementSelection,
     units: Units<B>,
     channels: Channels<C>,
     balancer: Option<Balancer>,
@@ -249,6 +262,7 @@ impl<C: Comm, B: RealBackend> MicroSide<'_, C, B> {
             stats: self.units.take_stats(),
             bytes: self.units.bytes(),
             times,
+            costs: self.units.take_costs(),
             skill,
             units: SerializeIter(units),
         };
@@ -260,7 +274,7 @@ impl<C: Comm, B: RealBackend> MicroSide<'_, C, B> {
 
     /// The deformed network of a unit, if it is part of the output.
     fn network_output(&self, number: usize) -> Option<DeformedNetwork> {
-        let is_output = self.output.contains(self.units.location(number).element as usize);
+        let is_output = self.networks.contains(self.units.location(number).element as usize);
         is_output.then(|| self.units.deformed_network(number)).flatten()
     }
 

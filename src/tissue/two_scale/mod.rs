@@ -47,7 +47,7 @@ pub use balance::{BalanceParams, BalanceReport, MigrationReport, PlannerName, We
 pub use follower::follow;
 pub use macro_side::ScaleField;
 pub use micro_proxy::BodySolve;
-pub use micro_side::run as run_micro;
+pub use micro_side::{MicroOutput, run as run_micro};
 pub use partition::partition;
 pub use protocol::{MACRO, MICRO, RankTimes};
 #[cfg(feature = "app")]

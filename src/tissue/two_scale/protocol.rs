@@ -10,7 +10,9 @@ use serde::{Deserialize, Serialize};
 use crate::fem::material::Response;
 use crate::fem::mesh::IntegrationPoint;
 use crate::las::Message;
-use crate::tissue::micro_scale::{DeformedNetwork, Piece, PieceError, PointFailure, PointSummary, RveStats, UnitState};
+use crate::tissue::micro_scale::{
+    DeformedNetwork, Piece, PieceError, PointFailure, PointSummary, RveCost, RveStats, UnitState,
+};
 
 /// The name of the scale of the body in `[scales]` of a case.
 pub const MACRO: &str = "macro";
@@ -241,6 +243,8 @@ pub struct RankReport<U = Vec<UnitReport>> {
     pub bytes: usize,
     /// Its times, one entry per trial state.
     pub times: Vec<RankTimes>,
+    /// What each of its RVEs cost, one entry per trial state; empty unless that is part of the output.
+    pub costs: Vec<Vec<RveCost>>,
     /// The rank correlation of expected and measured costs of all RVEs of the scale, if they were compared.
     pub skill: Option<f64>,
     /// Its RVEs; empty if the step was reverted.

@@ -11,7 +11,7 @@ use biotissue::coupling::{ScaleError, Scales};
 use biotissue::las::Comm;
 use biotissue::tissue::materials::Materials;
 use biotissue::tissue::micro_scale::Library;
-use biotissue::tissue::two_scale::{self, BodySolve, MACRO, MICRO, ScaleField, TwoScaleError};
+use biotissue::tissue::two_scale::{self, BodySolve, MACRO, MICRO, MicroOutput, ScaleField, TwoScaleError};
 
 use super::{Outcome, Ranks, RunContext, agreed, ranks_failed};
 use crate::dispatch::{Job, ProgramBackend, dispatch};
@@ -79,8 +79,9 @@ impl<C: Ranks> Job for MicroRank<'_, C> {
         let read = materials(&run.case)
             .and_then(|materials| Library::<B::Micro>::read((), materials).map_err(|error| ranks_failed(&error)));
         if let Ok((library, _)) = agreed(world, read)? {
-            let (output, balance) = (run.case.output.rve.clone(), run.case.scales.balance);
-            two_scale::run_micro(scales, library, output, balance).map_err(|error| ranks_failed(&error))?;
+            let case = &run.case;
+            let output = MicroOutput { networks: case.output.rve.clone(), costs: case.output.costs };
+            two_scale::run_micro(scales, library, output, case.scales.balance).map_err(|error| ranks_failed(&error))?;
         }
         Ok(None)
     }
