@@ -12,6 +12,7 @@ mod files;
 mod hollow_box;
 mod killed;
 mod loads;
+mod measure;
 mod messages;
 mod outputs;
 #[cfg(all(feature = "petsc", feature = "sparse"))]

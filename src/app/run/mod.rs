@@ -6,11 +6,14 @@
 //! | `problem_size` | the size of the problem before the solve |
 //! | this one | the run itself ([`Simulation`]) |
 //! | `checkpoints` | resuming from a checkpoint, and writing one |
+//! | `measurement`, `forecast` | what an evaluation costs, and on how many ranks a run pays |
 //! | `outcome` | the errors and the result of a run, and of resuming it |
 //! | `whole_state` | the state of a divided body in a checkpoint |
 //! | `writers` | which process writes the results |
 
 mod checkpoints;
+mod forecast;
+mod measurement;
 mod outcome;
 mod problem_size;
 mod rank_writers;
@@ -22,6 +25,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
+pub use forecast::{Forecast, RankSplit};
+pub use measurement::{Measurement, NetworkCost};
 pub use outcome::{ResumeError, Resumed, RunError, RunSummary};
 pub use problem_size::{NetworkSize, ProblemSize};
 pub use rank_writers::RootWriter;

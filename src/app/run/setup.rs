@@ -39,14 +39,14 @@ pub enum SimulationError<F: std::error::Error + 'static> {
 
 /// A case with all its input files, read and checked before the first solve.
 pub struct Setup<B: RealBackend, M = TissueField<B>> {
-    context: B::Context,
-    case: Case,
-    mesh: Arc<Mesh>,
+    pub(super) context: B::Context,
+    pub(super) case: Case,
+    pub(super) mesh: Arc<Mesh>,
     mesh_hash: u64,
-    conditions: Conditions,
+    pub(super) conditions: Conditions,
     /// The part of this rank, if the body is divided.
     part: Option<BodyPart>,
-    field: M,
+    pub(super) field: M,
     networks: Vec<usize>,
     unknowns: usize,
     free_mode_supports: Vec<(u32, u8)>,

@@ -7,6 +7,9 @@ use crate::failure::Failure;
 
 /// A backend that the program can run on.
 pub trait ProgramBackend: RealBackend<Context: Clone> {
+    /// Whether several macro ranks divide the work on the body.
+    const DISTRIBUTES: bool = false;
+
     /// The backend of the RVEs if they have ranks of their own; an RVE is solved by a single rank.
     #[cfg(any(feature = "sparse", feature = "dense"))]
     type Micro: RealBackend<Context = ()>;
@@ -24,6 +27,8 @@ impl ProgramBackend for backends::dense::Dense {
 
 #[cfg(feature = "petsc")]
 impl ProgramBackend for backends::petsc::Petsc {
+    const DISTRIBUTES: bool = true;
+
     #[cfg(feature = "sparse")]
     type Micro = backends::sparse::Sparse;
     #[cfg(all(feature = "dense", not(feature = "sparse")))]

@@ -10,6 +10,7 @@
 //! | `costs` | what each RVE cost in each sweep |
 //! | `lifecycle` | when an RVE is created, sleeps, wakes and is deleted |
 //! | `moving` | an RVE on the way to another rank |
+//! | `sampled` | a body in which only a few RVEs are solved, to measure what they cost |
 //! | `saved`, `raw`, `summary` | the saved state of an RVE in memory and in files, and its values for the result files |
 //! | `pieces` | the files of a checkpoint with the states of the RVEs of one rank |
 //! | this one | the body in one process ([`TissueField`]), and the interface to a run ([`TissueMaterial`]) |
@@ -21,6 +22,7 @@ mod lifecycle;
 mod moving;
 pub(super) mod pieces;
 mod raw;
+mod sampled;
 mod saved;
 mod sites;
 mod summary;
@@ -45,6 +47,7 @@ pub use library::{Library, LibraryError, PointMaterial};
 pub use lifecycle::RveStatus;
 pub(super) use moving::MovingError;
 pub use pieces::{Piece, PieceError, piece_file, piece_stem};
+pub use sampled::SampledField;
 pub(super) use saved::SerializeIter;
 pub use saved::{FieldRestoreError, SavedSites, SleepingRve, UnitState};
 pub use sites::{RveCounts, Sites};

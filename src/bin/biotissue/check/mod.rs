@@ -1,15 +1,19 @@
 //! `biotissue check`: reads and checks a case and all its files, and prints the plan without solving anything.
 
+mod measured;
+
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use biotissue::app::case::Case;
 use biotissue::app::material_fields::FieldRange;
-use biotissue::app::run::{NetworkSize, ProblemSize};
+use biotissue::app::run::{Forecast, NetworkSize, ProblemSize};
 use biotissue::fem::constraint::{ConstrainedVolume, ConstraintMethod, VolumeConstraint};
 
 use clap::Args;
 use serde::Serialize;
+
+use self::measured::Measured;
 
 use crate::conditions::{ConditionPlan, conditions};
 use crate::dispatch::{Job, ProgramBackend, dispatch};
@@ -19,13 +23,17 @@ use crate::output;
 use crate::ranks::check_near;
 use crate::run::{Common, read, setup};
 
-/// Read and check a case and all its files, and print the plan; solve nothing
+/// Read and check a case and all its files, and print the plan; without --measure, solve nothing
 #[derive(Args)]
 pub struct CheckCommand {
     /// The case file
     case: PathBuf,
     #[command(flatten)]
     common: Common,
+    /// Also solve a few RVEs of each network and the first load step with linear networks, to forecast times and
+    /// propose numbers of ranks
+    #[arg(long)]
+    measure: bool,
     /// Print the plan as one JSON object
     #[arg(long)]
     json: bool,
@@ -36,12 +44,13 @@ pub fn check(command: &CheckCommand) -> Result<(), Failure> {
     let case = read(&command.case)?;
     check_near(case.scales)?;
     command.common.start_threads()?;
-    let plan = dispatch(command.common.backend(), CheckJob { case })?;
+    let plan = dispatch(command.common.backend(), CheckJob { case, measure: command.measure })?;
     if command.json { output::print_json(&plan) } else { output::print(&plan.text()) }
 }
 
 struct CheckJob {
     case: Case,
+    measure: bool,
 }
 
 /// The output of `biotissue check`.
@@ -72,6 +81,8 @@ struct Plan {
     threads: usize,
     ranks: usize,
     directory: PathBuf,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    measured: Option<Measured>,
 }
 
 /// A displacement component that is held because of `free = "rigid"`.
@@ -103,7 +114,7 @@ impl Job for CheckJob {
             ..
         } = size;
         let (conditions, free_surfaces) = conditions(setup.case(), setup.mesh());
-        Ok(Plan {
+        let mut plan = Plan {
             title: setup.case().title.clone(),
             backend: B::NAME,
             elements,
@@ -134,7 +145,15 @@ impl Job for CheckJob {
             threads,
             ranks: setup.case().scales.least(),
             directory: setup.case().output.directory.clone(),
-        })
+            measured: None,
+        };
+        if self.measure {
+            let hints = CaseHints::of(setup.case());
+            let measurement = setup.measure().map_err(|error| not_set_up(&hints, error))?;
+            let forecast = Forecast::new(&measurement, B::DISTRIBUTES);
+            plan.measured = Some(Measured { measurement, forecast });
+        }
+        Ok(plan)
     }
 }
 
@@ -189,6 +208,7 @@ impl Plan {
         ));
         lines.push(format!("ranks      {}, with {} threads", self.ranks, self.threads));
         lines.push(format!("results    {}", self.directory.display()));
+        lines.extend(self.measured.iter().flat_map(|measured| measured.text(self.steps)));
         lines.join("\n") + "\n"
     }
 }

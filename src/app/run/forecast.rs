@@ -1,0 +1,135 @@
+//! The time of an evaluation on ranks, forecast from a measurement.
+
+use serde::Serialize;
+
+use super::measurement::Measurement;
+
+/// Bytes that an RVE receives and sends in one evaluation: deformation gradient, stress and tangent.
+const BYTES_PER_RVE: f64 = 816.0;
+/// Bytes per second that a macro rank sends and receives.
+const BANDWIDTH: f64 = 1e9;
+/// Seconds that a macro rank takes for each micro rank that it exchanges messages with.
+const LATENCY: f64 = 5e-6;
+/// The share of the work on the body that several macro ranks cannot divide.
+const SERIAL_SHARE: f64 = 0.1;
+/// Twice as many ranks pay if they shorten an evaluation to at most this fraction.
+const PAYS: f64 = 0.8;
+
+/// A number of ranks for each scale.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct RankSplit {
+    /// Ranks of the macro scale.
+    #[serde(rename = "macro")]
+    pub macro_ranks: usize,
+    /// Ranks of the micro scale.
+    #[serde(rename = "micro")]
+    pub micro_ranks: usize,
+    /// The forecast time of one evaluation of the body and its RVEs, s.
+    pub seconds: f64,
+    /// The share of it that the macro ranks work on the body.
+    pub body_share: f64,
+}
+
+/// How the time of an evaluation falls with the number of ranks.
+///
+/// A micro rank is taken as one thread, and its load as balanced; no evaluation is shorter than the longest solution of
+/// an RVE. Only backends that distribute the body divide the work on it among macro ranks, but for a tenth. A macro rank
+/// exchanges 1 GB/s, and needs 5 us per micro rank.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Forecast {
+    /// The best split for 2, 4, 8, ... ranks, up to the first number of ranks that no longer pays.
+    pub splits: Vec<RankSplit>,
+    /// The time of an evaluation in this process, without ranks, s.
+    pub alone_seconds: f64,
+    /// Index of the largest number of ranks that pays in `splits`: twice as many would save less than a fifth of the time.
+    /// `None` if ranks do not pay at all, because there are no RVEs.
+    pub proposal: Option<usize>,
+}
+
+impl Forecast {
+    /// Forecasts from a measurement; `distributes` tells whether the backend divides the body among several macro ranks.
+    pub fn new(measurement: &Measurement, distributes: bool) -> Self {
+        let alone_seconds = measurement.body_seconds
+            + (measurement.rve_seconds() / measurement.threads as f64).max(measurement.longest());
+        let rves = measurement.rves();
+        if rves == 0 {
+            return Self { splits: Vec::new(), alone_seconds, proposal: None };
+        }
+        let mut splits: Vec<RankSplit> = vec![best_split(measurement, 2, distributes)];
+        let pays = |before: &RankSplit, after: &RankSplit| after.seconds <= PAYS * before.seconds;
+        while let Some(&last) = splits.last()
+            && last.micro_ranks < rves
+        {
+            let next = best_split(measurement, 2 * (last.macro_ranks + last.micro_ranks), distributes);
+            splits.push(next);
+            if !pays(&last, &next) {
+                break;
+            }
+        }
+        let proposal = splits.windows(2).take_while(|pair| pays(&pair[0], &pair[1])).count();
+        Self { splits, alone_seconds, proposal: Some(proposal) }
+    }
+
+    /// Returns the proposed split.
+    pub fn proposed(&self) -> Option<&RankSplit> {
+        self.splits.get(self.proposal?)
+    }
+}
+
+/// Returns the split of `ranks` ranks with the shortest evaluation; of equals, that with the fewest macro ranks.
+fn best_split(measurement: &Measurement, ranks: usize, distributes: bool) -> RankSplit {
+    let powers = std::iter::successors(Some(1_usize), |&ranks| Some(2 * ranks));
+    let macro_ranks = powers.take_while(|&macro_ranks| macro_ranks == 1 || distributes && 2 * macro_ranks <= ranks);
+    let splits = macro_ranks.map(|macro_ranks| split(measurement, macro_ranks, ranks - macro_ranks));
+    splits.min_by(|a, b| a.seconds.total_cmp(&b.seconds)).unwrap_or_else(|| split(measurement, 1, 1))
+}
+
+fn split(measurement: &Measurement, macro_ranks: usize, micro_ranks: usize) -> RankSplit {
+    let body = measurement.body_seconds * (SERIAL_SHARE + (1.0 - SERIAL_SHARE) / macro_ranks as f64);
+    let of_ranks = micro_ranks.min(measurement.rves()) as f64;
+    let rves = (measurement.rve_seconds() / of_ranks).max(measurement.longest());
+    let exchange = (measurement.rves() as f64 * BYTES_PER_RVE / BANDWIDTH + of_ranks * LATENCY) / macro_ranks as f64;
+    let seconds = body + rves + exchange;
+    RankSplit { macro_ranks, micro_ranks, seconds, body_share: body / seconds }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::app::run::NetworkCost;
+
+    fn measurement(body_seconds: f64, rves: usize, seconds: f64, longest: f64) -> Measurement {
+        let network = NetworkCost { name: "a".into(), rves, samples: 3, seconds, longest, iterations: 4.0 };
+        Measurement { evaluations: 4, converged: true, body_seconds, threads: 1, networks: vec![network], failures: 0 }
+    }
+
+    #[test]
+    fn ranks_pay_until_the_body_takes_most_of_the_time() {
+        // 100 s of RVEs, 1 s for the body: 64 ranks take 1 + 100/63 s, 128 take 1 + 100/127 s.
+        let forecast = Forecast::new(&measurement(1.0, 100_000, 1e-3, 2e-3), false);
+        let proposed = forecast.proposed().unwrap();
+        assert_eq!([proposed.macro_ranks, proposed.micro_ranks], [1, 127]);
+        assert!((forecast.alone_seconds - 101.0).abs() < 1e-9);
+        let [.., before, last] = &forecast.splits[..] else { panic!() };
+        assert_eq!(before, proposed);
+        assert!(last.seconds > PAYS * before.seconds && last.seconds < before.seconds);
+        let divided = Forecast::new(&measurement(1.0, 100_000, 1e-3, 2e-3), true);
+        let proposed = divided.proposed().unwrap();
+        assert!(proposed.macro_ranks > 1 && proposed.micro_ranks > 127, "{proposed:?}");
+    }
+
+    #[test]
+    fn no_evaluation_is_shorter_than_the_longest_rve() {
+        let forecast = Forecast::new(&measurement(0.0, 1000, 1e-3, 0.5), false);
+        assert!(forecast.splits.iter().all(|split| split.seconds >= 0.5));
+        let proposed = forecast.proposed().unwrap();
+        assert!(proposed.micro_ranks < 4, "one RVE takes as long as 500 others: {proposed:?}");
+    }
+
+    #[test]
+    fn ranks_never_outnumber_the_rves_and_no_rves_need_no_ranks() {
+        let forecast = Forecast::new(&measurement(0.0, 5, 1.0, 1.0), false);
+        assert!(forecast.proposed().unwrap().micro_ranks <= 8);
+        assert_eq!(Forecast::new(&measurement(1.0, 0, 0.0, 0.0), true).proposed(), None);
+    }
+}

@@ -1,0 +1,118 @@
+//! The output of `biotissue check --measure`.
+
+use biotissue::app::run::{Forecast, Measurement, RankSplit};
+use serde::Serialize;
+
+/// With more networks than this, only the cheapest and the most expensive are printed.
+const MOST_NETWORKS: usize = 12;
+
+/// What an evaluation of the body and its RVEs costs here, and on how many ranks.
+#[derive(Serialize)]
+pub struct Measured {
+    #[serde(flatten)]
+    pub measurement: Measurement,
+    pub forecast: Forecast,
+}
+
+impl Measured {
+    /// Returns the lines of the plan.
+    pub fn text(&self, steps: usize) -> Vec<String> {
+        let Self { measurement, forecast } = self;
+        let body = duration(measurement.body_seconds);
+        let mut lines = vec![format!(
+            "measured   {body} of assembly and solution an evaluation, on {} threads",
+            measurement.threads
+        )];
+        if measurement.rves() > 0 {
+            let (sum, longest) = (duration(measurement.rve_seconds()), duration(measurement.longest()));
+            lines.push(format!("           {sum} of all RVEs an evaluation, on one thread; the longest RVE {longest}"));
+            lines.extend(self.networks());
+        }
+        if measurement.failures > 0 {
+            let (failures, evaluations) = (measurement.failures, measurement.evaluations);
+            lines.push(format!("           in {failures} of {evaluations} evaluations, an RVE found no equilibrium"));
+        }
+        if !measurement.converged {
+            lines.push("           the first load step did not converge with linear networks".into());
+        }
+        let evaluations = measurement.evaluations.max(1);
+        let step = evaluations as f64 * forecast.alone_seconds;
+        let (step, run) = (duration(step), duration(steps as f64 * step));
+        lines.push(format!(
+            "forecast   {step} a step and {run} a run in this process, at {evaluations} evaluations a step as in the first"
+        ));
+        for split in &forecast.splits {
+            let RankSplit { macro_ranks, micro_ranks, seconds, body_share } = split;
+            let (seconds, share) = (duration(*seconds), 100.0 * body_share);
+            lines.push(format!(
+                "           {macro_ranks:>3} macro and {micro_ranks:>6} micro ranks: {seconds} an evaluation, \
+                 {share:.0} % of it for the body"
+            ));
+        }
+        lines.push(self.proposal());
+        lines
+    }
+
+    fn networks(&self) -> Vec<String> {
+        let mut networks: Vec<_> = self.measurement.networks.iter().collect();
+        let left_out = networks.len().saturating_sub(MOST_NETWORKS);
+        if left_out > 0 {
+            networks.sort_by(|a, b| a.seconds.total_cmp(&b.seconds));
+            networks.drain(MOST_NETWORKS / 2..MOST_NETWORKS / 2 + left_out);
+        }
+        let mut lines: Vec<String> = networks
+            .into_iter()
+            .map(|network| {
+                let name = if network.name.is_empty() { "no network" } else { &network.name };
+                let (mean, longest) = (duration(network.seconds), duration(network.longest));
+                let (iterations, samples) = (network.iterations, network.samples);
+                format!("  {name:<24} {mean} (longest {longest}), {iterations:.1} iterations, {samples} RVEs solved")
+            })
+            .collect();
+        if left_out > 0 {
+            lines.insert(MOST_NETWORKS / 2, format!("  ... {left_out} networks between these two ..."));
+        }
+        lines
+    }
+
+    fn proposal(&self) -> String {
+        let Some(RankSplit { macro_ranks, micro_ranks, .. }) = self.forecast.proposed() else {
+            return "proposal   no ranks: there are no RVEs to divide among them".into();
+        };
+        let ranks = macro_ranks + micro_ranks;
+        format!(
+            "proposal   [scales] macro = {macro_ranks}, micro = {micro_ranks}, with a core for each rank; \
+             more than {ranks} ranks do not pay. On one machine, threads alone are as fast"
+        )
+    }
+}
+
+/// Formats a time with three digits and a unit.
+fn duration(seconds: f64) -> String {
+    let units = [(86_400.0, "d"), (3600.0, "h"), (60.0, "min"), (1.0, "s"), (1e-3, "ms"), (1e-6, "us")];
+    let (size, unit) = units.into_iter().find(|(size, _)| seconds >= *size).unwrap_or((1e-6, "us"));
+    let value = seconds / size;
+    let digits = if value < 9.995 { 2 } else { usize::from(value < 99.95) };
+    format!("{value:.digits$} {unit}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::duration;
+
+    #[test]
+    fn durations_have_three_digits_and_a_unit() {
+        let cases = [
+            (0.0, "0.00 us"),
+            (1.2345e-5, "12.3 us"),
+            (0.0123, "12.3 ms"),
+            (9.996, "10.0 s"),
+            (75.0, "1.25 min"),
+            (7200.0, "2.00 h"),
+            (864_000.0, "10.0 d"),
+        ];
+        for (seconds, text) in cases {
+            assert_eq!(duration(seconds), text);
+        }
+    }
+}

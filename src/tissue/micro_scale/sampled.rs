@@ -1,0 +1,118 @@
+//! A body in which only a few RVEs of each network are solved, to measure what RVEs cost without solving all of them.
+
+use nalgebra::Matrix3;
+
+use super::TissueField;
+use super::costs::RveCost;
+use super::error::{PointFailure, TissueFieldError};
+use super::library::{Library, LibraryError};
+use super::sites::Sites;
+use super::units::Units;
+use crate::fem::material::{Material, SaintVenantKirchhoff};
+use crate::fem::point_field::{POINTS_PER_CHUNK, PointField, PointResponses};
+use crate::las::{Backend, RealBackend};
+use crate::parallel;
+
+/// The material of a body whose RVEs respond as their networks do at rest, by a linear law. A few RVEs of each network
+/// are solved too, at the same deformation gradients; their responses are not used.
+pub struct SampledField<B: Backend> {
+    sites: Sites,
+    /// The RVEs that are solved.
+    units: Units<B>,
+    /// The law of each model of the library.
+    laws: Vec<SaintVenantKirchhoff>,
+    /// Number of evaluations in which an RVE found no equilibrium.
+    failures: usize,
+}
+
+impl<B: RealBackend> TissueField<B> {
+    /// Keeps at most `per_model` RVEs of each network, spread over its points.
+    ///
+    /// # Errors
+    /// Returns [`LibraryError::Model`] if a network has no response at rest.
+    pub fn sampled(self, per_model: usize) -> Result<SampledField<B>, LibraryError> {
+        let Self { sites, mut units, .. } = self;
+        let models = units.library().models().len();
+        let laws = (0..models).map(|model| units.library().at_rest(model)).collect::<Result<_, _>>()?;
+        // The last class is that of RVEs without a network.
+        let mut of_model: Vec<Vec<usize>> = vec![Vec::new(); models + 1];
+        for (number, &point) in units.points().iter().enumerate() {
+            let model = sites.material(point).and_then(|(model, _)| model);
+            of_model[model.unwrap_or(models)].push(number);
+        }
+        let mut keep = vec![false; units.len()];
+        for numbers in &of_model {
+            let samples = per_model.min(numbers.len());
+            (0..samples).for_each(|k| keep[numbers[(2 * k + 1) * numbers.len() / (2 * samples)]] = true);
+        }
+        units.retain(&keep);
+        units.keep_costs();
+        Ok(SampledField { sites, units, laws, failures: 0 })
+    }
+}
+
+impl<B: RealBackend> SampledField<B> {
+    /// Returns the data that all RVEs share.
+    pub fn library(&self) -> &Library<B> {
+        self.units.library()
+    }
+
+    /// Returns what the RVEs cost in each evaluation since the last call.
+    pub fn take_costs(&self) -> Vec<Vec<RveCost>> {
+        self.units.take_costs()
+    }
+
+    /// Number of evaluations in which an RVE found no equilibrium.
+    pub fn failures(&self) -> usize {
+        self.failures
+    }
+
+    /// Evaluates the laws at all points with an awake RVE.
+    fn evaluate_laws(&self, gradients: &[Matrix3<f64>], out: &mut PointResponses) -> Result<(), PointFailure> {
+        let Self { sites, laws, .. } = self;
+        let chunks = gradients.chunks(POINTS_PER_CHUNK).zip(out.chunks_mut(POINTS_PER_CHUNK)).enumerate();
+        parallel::try_each(chunks, |(number, (gradients, mut out))| {
+            for (k, f) in gradients.iter().enumerate() {
+                let point = number * POINTS_PER_CHUNK + k;
+                let Some((model, matrix)) = sites.material(point).filter(|_| sites.is_awake(point)) else { continue };
+                let of_network = model.map(|model| laws[model].evaluate(f)).transpose();
+                let of_matrix = matrix.map(|formula| formula.respond(f)).transpose();
+                let responses = of_network.and_then(|network| of_matrix.map(|matrix| [network, matrix]));
+                let responses = responses.map_err(|reason| PointFailure::of_formula(sites.locate(point), &reason))?;
+                let sum = responses.into_iter().flatten().reduce(|mut sum, matrix| {
+                    sum.energy += matrix.energy;
+                    sum.pk1 += matrix.pk1;
+                    sum.tangent += matrix.tangent;
+                    sum
+                });
+                sum.iter().for_each(|response| out.set(k, response));
+            }
+            Ok(())
+        })
+    }
+}
+
+impl<B: RealBackend> PointField for SampledField<B> {
+    type Error = TissueFieldError;
+
+    fn update(&mut self, gradients: &[Matrix3<f64>], out: &mut PointResponses) -> Result<(), Self::Error> {
+        self.sites.evaluate(gradients, out)?;
+        self.evaluate_laws(gradients, out)?;
+        let sites = &self.sites;
+        let solved = self.units.solve(|_, point| sites.is_awake(point).then(|| gradients[point]));
+        self.failures += usize::from(solved.is_err());
+        Ok(())
+    }
+
+    fn commit(&mut self) -> Result<(), Self::Error> {
+        self.units.commit();
+        self.sites.commit();
+        Ok(())
+    }
+
+    fn revert(&mut self) -> Result<(), Self::Error> {
+        self.units.revert();
+        self.sites.revert();
+        Ok(())
+    }
+}

@@ -1,0 +1,55 @@
+//! `biotissue check --measure`.
+
+use serde_json::Value;
+
+use crate::frozen;
+use crate::line;
+use crate::ranks::with_life_cycles;
+use crate::run::{PRESSED, fibers, write_case};
+
+/// Returns what `check --measure` prints of a case, and that it writes nothing.
+fn measured(text: &str) -> (Value, String) {
+    let folder = tempfile::tempdir().unwrap();
+    write_case(folder.path(), "case.toml", text);
+    let plan = line(folder.path(), "check case.toml --measure --json").object();
+    let text = line(folder.path(), "check case.toml --measure").done().to_owned();
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "only the case");
+    (plan["measured"].clone(), text)
+}
+
+fn number(value: &Value) -> f64 {
+    value.as_f64().unwrap_or_else(|| panic!("{value} is not a number"))
+}
+
+#[test]
+fn a_few_rves_of_each_network_are_solved() {
+    let (measured, text) = measured(&fibers(&frozen()).replace("cells = [1, 1, 1]", "cells = [2, 2, 2]"));
+    assert_eq!(measured["converged"], true, "{measured}");
+    let [network] = &measured["networks"].as_array().unwrap()[..] else { panic!("{measured}") };
+    assert_eq!(
+        (&network["rves"], &network["samples"], &network["name"]),
+        (&48.into(), &3.into(), &"frozen.txt".into())
+    );
+    let [seconds, longest] = ["seconds", "longest"].map(|key| number(&network[key]));
+    assert!(0.0 < seconds && seconds <= longest && number(&network["iterations"]) > 0.0, "{network}");
+    assert!(number(&measured["body_seconds"]) > 0.0 && number(&measured["evaluations"]) > 1.0, "{measured}");
+    let forecast = &measured["forecast"];
+    let splits = forecast["splits"].as_array().unwrap();
+    for split in splits {
+        assert!(number(&split["seconds"]) >= longest, "{split}");
+    }
+    let proposed = &splits[forecast["proposal"].as_u64().unwrap() as usize];
+    let proposal = format!("proposal   [scales] macro = {}, micro = ", proposed["macro"]);
+    assert!(text.contains(&proposal) && text.contains("3 RVEs solved"), "{text}");
+}
+
+/// Where the first step fails, the times up to the failure are reported; where RVEs wait, those that exist are solved.
+#[test]
+fn all_cases_are_measured() {
+    let (pressed, text) = measured(&PRESSED.replace("count = 5", "count = 1"));
+    assert_eq!((&pressed["converged"], &pressed["networks"]), (&false.into(), &serde_json::json!([])));
+    assert!(text.contains("the first load step did not converge") && text.contains("proposal   no ranks"), "{text}");
+    let (waiting, _) = measured(&with_life_cycles());
+    assert!(!waiting["networks"].as_array().unwrap().is_empty(), "{waiting}");
+    assert_eq!(waiting["failures"], 0);
+}
