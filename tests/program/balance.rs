@@ -16,12 +16,12 @@ pub fn restless(text: &str, scales: (usize, usize), balance: &str) -> String {
 }
 
 /// Returns the migrations in the log of a run.
-fn migrations(folder: &Path) -> Vec<Value> {
+pub fn migrations(folder: &Path) -> Vec<Value> {
     events(folder).into_iter().filter(|event| event["event"] == "migration").collect()
 }
 
 #[test]
-fn migrations_do_not_change_results() {
+pub fn migrations_do_not_change_results() {
     let folder = tempfile::tempdir().unwrap();
     let text = fibers(&frozen()).replace("cells = [1, 1, 1]", "cells = [2, 2, 1]");
     run(folder.path(), &text, "--out alone").done();

@@ -11,6 +11,7 @@ mod files;
 #[path = "../support/hollow_box.rs"]
 mod hollow_box;
 mod killed;
+mod killed_migration;
 mod loads;
 mod measure;
 mod messages;

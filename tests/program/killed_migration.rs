@@ -1,0 +1,68 @@
+//! MPI runs of which one process is killed while RVEs move: all ranks end, and the run is resumed from its checkpoint.
+#![cfg(all(target_os = "linux", feature = "mpi"))]
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use crate::balance::{migrations, restless};
+use crate::ranks::processes::{launched, one_at_a_time};
+use crate::ranks::{read, with_life_cycles};
+use crate::run::{events, run, write_case};
+
+/// The tag of the messages that carry RVEs and updates of couplings during a migration.
+const TAG: u32 = 2 + u16::MAX as u32;
+
+/// Builds the library that kills a process.
+fn library(folder: &Path) -> PathBuf {
+    let library = folder.join("kill_in_migration.so");
+    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/program/kill_in_migration.c");
+    let compiler = std::env::var("MPICC").unwrap_or_else(|_| "mpicc".into());
+    let compiled = Command::new(compiler).args(["-shared", "-fPIC", "-o"]).args([&library, &source]).output().unwrap();
+    assert!(compiled.status.success(), "{}", String::from_utf8_lossy(&compiled.stderr));
+    library
+}
+
+#[test]
+fn a_run_killed_in_a_migration_is_resumed() {
+    let _turn = one_at_a_time();
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let library = library(folder);
+    let text = with_life_cycles();
+    run(folder, &text, "--backend sparse --out alone").done();
+    let alone = read(folder, "alone/loads.csv");
+    let case_of = |scales: (usize, usize)| {
+        let name = format!("case-{}-{}.toml", scales.0, scales.1);
+        write_case(folder, &name, &restless(&text, scales, "planner = \"longest-first\""));
+        name
+    };
+    let (case, other) = (case_of((1, 3)), case_of((2, 2)));
+    let mut steps = Vec::new();
+    for (rank, message, after) in [(1, 1, false), (3, 8, true), (2, 25, false), (3, 40, true)] {
+        let what = format!("rank {rank}, message {message}");
+        let _ = std::fs::remove_dir_all(folder.join("killed"));
+        let mut killed = launched(folder, 4, &format!("run {case} --backend sparse --out killed"));
+        killed.env("LD_PRELOAD", &library).env("KILL_TAG", TAG.to_string());
+        killed.env("KILL_RANK", rank.to_string()).env("KILL_AT", message.to_string());
+        if after {
+            killed.env("KILL_AFTER", "1");
+        }
+        let ended = killed.output().unwrap();
+        assert!(!ended.status.success(), "{what}: {}", String::from_utf8_lossy(&ended.stderr));
+        let log = events(&folder.join("killed"));
+        assert!(log.iter().all(|event| event["event"] != "end"), "{what}");
+        steps.push(log.iter().filter(|event| event["event"] == "step").count());
+        for (ranks, case) in [(4, &case), (4, &other)] {
+            let resumed = folder.join("resumed");
+            let _ = std::fs::remove_dir_all(&resumed);
+            assert!(Command::new("cp").arg("-r").args([&folder.join("killed"), &resumed]).status().unwrap().success());
+            let resume = format!("run {case} --backend sparse --out resumed --resume");
+            let ended = launched(folder, ranks, &resume).output().unwrap();
+            let message = String::from_utf8_lossy(&ended.stderr);
+            assert!(ended.status.success() && !message.contains("warning"), "{what}: {message}");
+            assert_eq!(read(folder, "resumed/loads.csv"), alone, "{what}, resumed with {case}");
+        }
+        assert!(!migrations(&folder.join("resumed")).is_empty(), "{what}");
+    }
+    assert!(steps.iter().any(|&count| count > 2), "some were killed after several steps: {steps:?}");
+}
