@@ -74,13 +74,16 @@ struct Args {
     /// Which recorded RVE each simulated one copies.
     #[arg(long, value_enum, default_value_t = Layout::Refine)]
     layout: Layout,
+    /// Each simulated RVE copies a random recorded one at most so many places away; 0: the one at its place.
+    #[arg(long, default_value_t = 8)]
+    window: usize,
     /// Standard deviation of the logarithm of a factor of the seconds of each RVE.
     #[arg(long, default_value_t = 0.0, value_parser = not_negative)]
     spread: f64,
     /// Standard deviation of the logarithm of a factor of the seconds of each RVE in each sweep.
     #[arg(long, default_value_t = 0.0, value_parser = not_negative)]
     noise: f64,
-    /// Seed of `--spread` and `--noise`.
+    /// Seed of `--window`, `--spread` and `--noise`.
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// A factor of all recorded seconds, for larger networks or slower cores.
@@ -179,7 +182,7 @@ fn study<'a>(args: &Args, recording: &'a Recording) -> Study<'a> {
     Study {
         recording,
         layout: args.layout,
-        perturbation: Perturbation { seed: args.seed, spread: args.spread, noise: args.noise },
+        perturbation: Perturbation { seed: args.seed, window: args.window, spread: args.spread, noise: args.noise },
         factor: args.factor,
         sweeps: args.sweeps.unwrap_or(usize::MAX).min(recording.sweeps()),
         machine: Machine { latency: args.latency, bandwidth: args.bandwidth.max(1.0), core: args.core },

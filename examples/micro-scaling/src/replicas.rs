@@ -13,15 +13,18 @@ use crate::recording::{Recording, Sample};
 pub enum Layout {
     /// The recorded body with a finer or coarser mesh: copies of an RVE follow each other, or some RVEs are left out.
     Refine,
-    /// Recorded bodies one after the other; a body with fewer RVEs than recorded is a coarser mesh.
+    /// Recorded bodies one after the other, each complete but the last; a body with fewer RVEs than recorded is a coarser mesh.
     Tile,
 }
 
-/// Random factors of the seconds, with mean 1 and a log-normal distribution.
+/// By what copies differ from the recorded RVE at their place. Factors have mean 1 and a log-normal distribution.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Perturbation {
-    /// Determines all factors.
+    /// Determines all random numbers.
     pub seed: u64,
+    /// An RVE copies a random recorded one at most so many places away in the sequence. Copies of one RVE, which are slow
+    /// in the same sweeps, are then not on the same rank.
+    pub window: usize,
     /// Standard deviation of the logarithm of the factor that an RVE keeps in all sweeps.
     pub spread: f64,
     /// Standard deviation of the logarithm of the factor of one sweep.
@@ -47,10 +50,16 @@ impl Replicas<'_> {
     /// Returns the recorded RVE that an RVE copies.
     pub fn source(&self, unit: usize) -> usize {
         let recorded = self.recording.rves();
-        match self.layout {
+        let place = match self.layout {
             Layout::Tile if self.units >= recorded => unit % recorded,
             _ => (unit as u128 * recorded as u128 / self.units as u128) as usize,
+        };
+        let Perturbation { seed, window, .. } = self.perturbation;
+        if window == 0 {
+            return place;
         }
+        let (first, end) = (place.saturating_sub(window), (place + window + 1).min(recorded));
+        first + random([seed, unit as u64, u64::MAX - 1]).below(end - first)
     }
 
     /// Returns the number of the network of an RVE.
@@ -61,7 +70,7 @@ impl Replicas<'_> {
     /// Returns the cost of an RVE in a sweep; `None` if it does not exist then.
     pub fn sample(&self, unit: usize, sweep: usize) -> Option<Sample> {
         let sample = self.recording.sample(self.source(unit), sweep)?;
-        let Perturbation { seed, spread, noise } = self.perturbation;
+        let Perturbation { seed, spread, noise, .. } = self.perturbation;
         let mut factor = self.factor;
         if spread > 0.0 {
             factor *= log_normal(spread, [seed, unit as u64, u64::MAX]);
@@ -73,10 +82,14 @@ impl Replicas<'_> {
     }
 }
 
+/// Returns random numbers that depend on a key only.
+fn random(key: [u64; 3]) -> Random {
+    Random::new(key.into_iter().fold(0, |mixed, part| Random::new(mixed ^ part).bits()))
+}
+
 /// Returns a log-normal number of mean 1 that depends on a key only.
 fn log_normal(deviation: f64, key: [u64; 3]) -> f64 {
-    let mixed = key.into_iter().fold(0, |mixed, part| Random::new(mixed ^ part).bits());
-    let mut random = Random::new(mixed);
+    let mut random = random(key);
     let mut uniform = || (random.bits() >> 11) as f64 / (1_u64 << 53) as f64;
     // Box-Muller.
     let normal = (-2.0 * (1.0 - uniform()).ln()).sqrt() * (TAU * uniform()).cos();
@@ -84,7 +97,7 @@ fn log_normal(deviation: f64, key: [u64; 3]) -> f64 {
 }
 
 #[cfg(test)]
-pub const UNPERTURBED: Perturbation = Perturbation { seed: 1, spread: 0.0, noise: 0.0 };
+pub const UNPERTURBED: Perturbation = Perturbation { seed: 1, window: 0, spread: 0.0, noise: 0.0 };
 
 #[cfg(test)]
 mod tests {
@@ -131,14 +144,27 @@ mod tests {
         let seconds = |replicas: &Replicas, sweep| -> Vec<f64> {
             (0..10_000).map(|unit| replicas.sample(unit, sweep).unwrap().seconds).collect()
         };
-        let spread = Perturbation { seed: 3, spread: 0.4, noise: 0.0 };
+        let spread = Perturbation { seed: 3, window: 0, spread: 0.4, noise: 0.0 };
         let first = seconds(&with(spread), 0);
         assert_eq!((&first, &first), (&seconds(&with(spread), 0), &seconds(&with(spread), 3)), "kept in all sweeps");
         assert_ne!(first, seconds(&with(Perturbation { seed: 4, ..spread }), 0));
         let mean = first.iter().sum::<f64>() / 1e4;
         let variance = first.iter().map(|value| (value.ln() + 0.08).powi(2)).sum::<f64>() / 1e4;
         assert!((mean - 1.0).abs() < 0.02 && (variance.sqrt() - 0.4).abs() < 0.02, "{mean}, {variance}");
-        let noise = with(Perturbation { seed: 3, spread: 0.0, noise: 0.4 });
+        let noise = with(Perturbation { spread: 0.0, noise: 0.4, ..spread });
         assert_ne!(seconds(&noise, 0), seconds(&noise, 1));
+    }
+
+    #[test]
+    fn copies_of_random_neighbors_stay_in_the_window() {
+        let recording = Recording::of_seconds(&[vec![1.0; 50]], 1);
+        let perturbation = Perturbation { window: 3, ..UNPERTURBED };
+        let replicas = Replicas { perturbation, ..replicas(&recording, 5000, Layout::Refine) };
+        let distances: Vec<i64> = (0..5000).map(|unit| replicas.source(unit) as i64 - unit as i64 / 100).collect();
+        assert!((-3..=3).all(|distance| distances.contains(&distance)) && distances.iter().all(|d| d.abs() <= 3));
+        assert!((0..5000).all(|unit| replicas.source(unit) == replicas.source(unit) && replicas.source(unit) < 50));
+        let inside = &distances[500..4500];
+        let mean = inside.iter().sum::<i64>() as f64 / inside.len() as f64;
+        assert!(mean.abs() < 0.1, "{mean}");
     }
 }

@@ -9,7 +9,7 @@ use biotissue::coupling::balance::{BalanceError, Cost, CostHistory};
 
 use self::balancer::Balancer;
 pub use self::balancer::Scheme;
-pub use self::totals::{Part, Totals};
+pub use self::totals::Totals;
 use crate::machine::{Machine, MacroModel};
 use crate::mirror::LocalSeconds;
 use crate::placement::Placement;

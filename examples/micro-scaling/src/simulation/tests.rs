@@ -5,6 +5,7 @@ use biotissue::coupling::balance::{
 use biotissue::coupling::{Comm, Message, bytemuck, thread};
 use biotissue::las::conformance::Random;
 
+use super::totals::Part;
 use super::*;
 use crate::machine::MacroSolver;
 use crate::recording::Recording;
