@@ -175,13 +175,17 @@ fn on_threads(case: &Case, scheme: Scheme) -> Vec<Vec<f64>> {
 #[test]
 fn simulated_ranks_decide_as_real_ones() {
     let recording = drifting(60, 24);
-    for (units, ranks) in [(60, 6), (45, 4), (130, 8)] {
-        let case = case(&recording, units, ranks);
+    // With a small factor, some plans do not pay.
+    for (units, ranks, factor) in [(60, 6, 1.0), (45, 4, 0.02), (130, 8, 0.01)] {
+        let mut case = case(&recording, units, ranks);
+        case.replicas.factor = factor;
         for scheme in [Scheme::Nothing, Scheme::Text, Scheme::Default] {
             let mut sweeps = Vec::new();
             let totals = simulate_with(&case, scheme, |busy| sweeps.push(busy.to_vec())).unwrap();
             assert_eq!(sweeps, on_threads(&case, scheme), "{scheme:?}, {units} on {ranks}");
             assert!(scheme == Scheme::Nothing || totals.migrations >= 5, "{scheme:?}: {totals:?}");
+            let declines = scheme == Scheme::Default && factor < 1.0;
+            assert!(!declines || totals.migrations < totals.plans, "{totals:?}");
         }
     }
 }
