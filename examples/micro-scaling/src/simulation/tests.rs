@@ -172,19 +172,29 @@ fn on_threads(case: &Case, scheme: Scheme) -> Vec<Vec<f64>> {
     thread::run(case.ranks, of_rank).unwrap().swap_remove(0)
 }
 
+/// Costs of which some are large in one sweep only.
+fn random(units: usize, sweeps: usize) -> Recording {
+    let mut random = Random::new(9);
+    let mut seconds = || if random.below(10) == 0 { 5e-2 } else { 1e-2 };
+    let all: Vec<Vec<f64>> = (0..sweeps).map(|_| (0..units).map(|_| seconds()).collect()).collect();
+    Recording::of_seconds(&all, 3)
+}
+
 #[test]
 fn simulated_ranks_decide_as_real_ones() {
-    let recording = drifting(60, 24);
-    // With a small factor, some plans do not pay.
-    for (units, ranks, factor) in [(60, 6, 1.0), (45, 4, 0.02), (130, 8, 0.01)] {
-        let mut case = case(&recording, units, ranks);
+    let (drifting, random) = (drifting(60, 24), random(60, 48));
+    // Where sweeps are short, or costs do not persist, some plans do not pay.
+    for (recording, units, ranks, factor) in
+        [(&drifting, 60, 6, 1.0), (&drifting, 45, 4, 0.012), (&drifting, 130, 8, 0.012), (&random, 60, 6, 2.0)]
+    {
+        let mut case = case(recording, units, ranks);
         case.replicas.factor = factor;
         for scheme in [Scheme::Nothing, Scheme::Text, Scheme::Default] {
             let mut sweeps = Vec::new();
             let totals = simulate_with(&case, scheme, |busy| sweeps.push(busy.to_vec())).unwrap();
             assert_eq!(sweeps, on_threads(&case, scheme), "{scheme:?}, {units} on {ranks}");
-            assert!(scheme == Scheme::Nothing || totals.migrations >= 5, "{scheme:?}: {totals:?}");
-            let declines = scheme == Scheme::Default && factor < 1.0;
+            assert!(scheme == Scheme::Nothing || totals.migrations >= 2, "{scheme:?}: {totals:?}");
+            let declines = scheme == Scheme::Default && factor != 1.0;
             assert!(!declines || totals.migrations < totals.plans, "{totals:?}");
         }
     }
