@@ -44,7 +44,7 @@ struct Args {
         value_parser = positive
     )]
     ranks: Vec<usize>,
-    /// Elements (RVEs) of the bodies of strong scaling and of the ratios.
+    /// Elements (RVEs) of the bodies of strong scaling; the ratios are for the first of them.
     #[arg(long, value_delimiter = ',', default_values_t = [64_000, 512_000], value_parser = positive)]
     elements: Vec<usize>,
     /// RVEs per micro rank of weak scaling.
@@ -86,6 +86,10 @@ struct Args {
     /// Seed of `--window`, `--spread` and `--noise`.
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// Replaces all seconds by the median of those with the same network and number of iterations: for costs that were
+    /// recorded while other programs ran.
+    #[arg(long)]
+    median: bool,
     /// A factor of all recorded seconds, for larger networks or slower cores.
     #[arg(long, default_value_t = 1.0, value_parser = not_negative)]
     factor: f64,
@@ -147,7 +151,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         None => None,
     };
     for file in &args.files {
-        let recording = Recording::read(file)?;
+        let mut recording = Recording::read(file)?;
+        if args.median {
+            recording.take_medians();
+        }
         let study = study(&args, &recording);
         println!("# {}\n", file.display());
         describe(&study);

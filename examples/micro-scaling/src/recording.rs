@@ -155,6 +155,29 @@ impl Recording {
         Ok(recording)
     }
 
+    /// Replaces the seconds of every RVE by the median of those with the same network and number of iterations. This
+    /// removes what other programs on the same cores took, and also all differences between such RVEs.
+    pub fn take_medians(&mut self) {
+        let (rves, classes) = (self.rves(), &self.classes);
+        let mut groups: HashMap<(u32, u32), Vec<f64>> = HashMap::new();
+        let class = |at: usize| classes[at % rves];
+        for (at, sample) in self.samples.iter().enumerate() {
+            if let Some(Sample { iterations, seconds }) = *sample {
+                groups.entry((class(at), iterations)).or_default().push(seconds);
+            }
+        }
+        for seconds in groups.values_mut() {
+            seconds.sort_unstable_by(f64::total_cmp);
+        }
+        for (at, sample) in self.samples.iter_mut().enumerate() {
+            if let Some(sample) = sample
+                && let Some(group) = groups.get(&(class(at), sample.iterations))
+            {
+                sample.seconds = group[group.len() / 2];
+            }
+        }
+    }
+
     /// Creates a recording of one network from the seconds of each RVE, by sweep; each step has `sweeps_of_step` sweeps,
     /// and an RVE takes one iteration per millisecond.
     #[cfg(test)]
@@ -277,6 +300,20 @@ mod tests {
         assert_eq!(seconds(2), [Some(0.0), Some(0.125), Some(0.5)]);
         assert_eq!(recording.sample(2, 2).map(|sample| sample.iterations), Some(3));
         assert!(recording.class(1) != recording.class(2) && recording.class(0) != recording.class(1));
+    }
+
+    #[test]
+    fn medians_are_those_of_a_network_and_a_number_of_iterations() {
+        let rows =
+            "1,1,0,a,1,1\n1,1,1,a,1,9\n1,1,2,b,1,5\n1,2,0,a,1,2\n1,2,1,a,2,8\n2,1,2,b,1,4\n2,1,1,a,2,3\n2,1,0,a,2,6\n";
+        let mut recording = read(&format!("{HEADER}{rows}")).unwrap();
+        recording.take_medians();
+        let seconds = |sweep: usize| -> Vec<Option<f64>> {
+            (0..3).map(|rve| recording.sample(rve, sweep).map(|sample| sample.seconds)).collect()
+        };
+        assert_eq!(seconds(0), [Some(2.0), Some(2.0), Some(5.0)]);
+        assert_eq!(seconds(1), [Some(2.0), Some(6.0), None]);
+        assert_eq!(seconds(2), [Some(6.0), Some(6.0), Some(5.0)]);
     }
 
     #[test]
