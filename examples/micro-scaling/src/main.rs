@@ -14,6 +14,7 @@ use std::error::Error;
 use std::fs::File;
 use std::io::Write;
 use std::path::PathBuf;
+use std::process::ExitCode;
 
 use clap::{Parser, ValueEnum};
 
@@ -144,8 +145,17 @@ fn not_negative(text: &str) -> Result<f64, String> {
     if number >= 0.0 && number.is_finite() { Ok(number) } else { Err("must be finite and not negative".into()) }
 }
 
-fn main() -> Result<(), Box<dyn Error>> {
-    let args = Args::parse();
+fn main() -> ExitCode {
+    match run(&Args::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("{error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(args: &Args) -> Result<(), Box<dyn Error>> {
     let mut csv = match &args.csv {
         Some(path) => Some(create(path)?),
         None => None,
@@ -155,11 +165,11 @@ fn main() -> Result<(), Box<dyn Error>> {
         if args.median {
             recording.take_medians();
         }
-        let study = study(&args, &recording);
+        let study = study(args, &recording);
         println!("# {}\n", file.display());
         describe(&study);
         for &table in &args.tables {
-            let rows = print(table, &args, &study)?;
+            let rows = print(table, args, &study)?;
             if let Some((path, csv)) = &mut csv {
                 let name = table.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned());
                 let lines: String = rows.iter().map(|row| tables::csv_line(&name, row) + "\n").collect();
