@@ -51,7 +51,7 @@ for features in "dense" "petsc"; do
     cargo test --quiet --no-default-features --features "$features" --lib --tests
 done
 say "tests: packages that use the library, and examples"
-cargo test --quiet --package custom-law --package custom-material --package downstream --package reactions --features downstream/petsc
+cargo test --quiet --package custom-law --package custom-material --package downstream --package micro-scaling --package reactions --features downstream/petsc
 cargo run --quiet --example deposition
 cargo build --quiet --features petsc --example many_matrices
 for ranks in 1 2; do

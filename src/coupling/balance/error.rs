@@ -32,6 +32,14 @@ pub enum BalanceError {
         /// What was given.
         what: &'static str,
     },
+    /// The number of sizes is not that of the units of all ranks.
+    #[error("the scale has {units} units, but {found} sizes were given")]
+    Sizes {
+        /// Number of units of all ranks.
+        units: usize,
+        /// Number of sizes given.
+        found: usize,
+    },
     /// The migration plan is for another number of ranks.
     #[error("the migration plan is for {found} ranks; the scale has {ranks}")]
     Ranks {

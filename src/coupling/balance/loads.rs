@@ -28,6 +28,18 @@ impl Loads {
         Ok(loads)
     }
 
+    /// Sets the number of bytes that a migration of each unit would send, in the order of [`weights`](Self::weights).
+    ///
+    /// # Errors
+    /// Returns [`BalanceError::Sizes`] if their number is not that of the units.
+    pub fn with_bytes(self, bytes: Vec<u64>) -> Result<Self, BalanceError> {
+        let (units, found) = (self.units(), bytes.len());
+        if found != units {
+            return Err(BalanceError::Sizes { units, found });
+        }
+        Ok(Self { bytes, ..self })
+    }
+
     /// Gathers the weights of all units of a scale; each rank passes those of its units, as for [`new`](Self::new), and
     /// the number of bytes that a migration of each unit would send, or none. Collective over the scale.
     ///
@@ -125,33 +137,20 @@ impl Loads {
         self.bytes.get(self.offsets[rank] + unit as usize).copied().unwrap_or(0)
     }
 
-    /// Returns the loads after the units have migrated: on each rank, the units that stayed in their order, followed by
-    /// those that arrived, ordered by origin rank and index.
+    /// Returns the loads after the units have migrated, in the order of [`MigrationPlan::sequence_after`].
     ///
     /// # Errors
     /// Returns [`BalanceError`] if the plan does not fit.
     pub fn after(&self, plan: &MigrationPlan) -> Result<Self, BalanceError> {
-        plan.check(&self.counts())?;
-        let mut moved = vec![false; self.units()];
-        let mut arrived: Vec<Vec<usize>> = vec![Vec::new(); self.ranks()];
-        for rank in 0..self.ranks() {
-            for (to, units) in plan.of(rank).iter() {
-                for &unit in units {
-                    let at = self.offsets[rank] + unit as usize;
-                    moved[at] = true;
-                    arrived[to].push(at);
-                }
-            }
-        }
+        let (positions, counts) = plan.sequence_after(&self.counts())?;
         let mut after = Self { offsets: vec![0], ..Self::default() };
-        for (rank, arrived) in arrived.iter().enumerate() {
-            let stayed = (self.offsets[rank]..self.offsets[rank + 1]).filter(|&at| !moved[at]);
-            for at in stayed.chain(arrived.iter().copied()) {
-                after.weights.push(self.weights[at]);
-                after.bytes.extend(self.bytes.get(at));
-            }
-            after.offsets.push(after.weights.len());
-        }
+        after.weights.extend(positions.iter().map(|&at| self.weights[at]));
+        after.bytes.extend(positions.iter().filter_map(|&at| self.bytes.get(at)));
+        let mut end = 0;
+        after.offsets.extend(counts.into_iter().map(|count| {
+            end += count;
+            end
+        }));
         Ok(after)
     }
 }
@@ -198,16 +197,15 @@ mod tests {
             Loads::gather(&comm, own, bytes)
         });
         let loads = loads.unwrap();
-        assert!(loads.iter().all(|loads| *loads == loads_of_bytes()), "{loads:?}");
+        let expected = Loads::new(&[vec![1.0, 2.0], vec![], vec![3.0]]).unwrap();
+        let short = expected.clone().with_bytes(vec![8, 9]);
+        assert_eq!(short, Err(BalanceError::Sizes { units: 3, found: 2 }));
+        let expected = expected.with_bytes(vec![8, 9, 7]).unwrap();
+        assert!(loads.iter().all(|loads| *loads == expected), "{loads:?}");
         assert_eq!((loads[0].bytes(0, 1), loads[0].bytes(2, 0)), (9, 7));
         let failed = thread::run(2, |comm| Loads::gather(&comm, &[1.0, 1.0], &[1, 2][..1 + comm.rank()]));
         assert_eq!(failed.unwrap_err().reason, "rank 0 has 2 units, but 1 sizes were given");
         let failed = thread::run(2, |comm| Loads::gather(&comm, &[1.0], &[1][..comm.rank()]));
         assert_eq!(failed.unwrap_err().reason, "rank 0 has 1 units, but 0 sizes were given");
-    }
-
-    fn loads_of_bytes() -> Loads {
-        let loads = Loads::new(&[vec![1.0, 2.0], vec![], vec![3.0]]).unwrap();
-        Loads { bytes: vec![8, 9, 7], ..loads }
     }
 }

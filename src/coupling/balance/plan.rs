@@ -158,6 +158,38 @@ impl MigrationPlan {
         self.ranks.iter().zip(counts).enumerate().try_for_each(check)
     }
 
+    /// Returns the sequence of the units of all ranks after the migration, and how many of them each rank has: `counts`
+    /// contains these numbers before it. A unit is given by its position in the sequence before. On each rank, the units
+    /// that stayed come first in their order, then those that arrived, ordered by origin rank and index.
+    ///
+    /// # Errors
+    /// Returns [`BalanceError`] if the plan does not fit.
+    pub fn sequence_after(&self, counts: &[usize]) -> Result<(Vec<usize>, Vec<usize>), BalanceError> {
+        self.check(counts)?;
+        let mut moved = vec![false; counts.iter().sum()];
+        let mut arrived: Vec<Vec<usize>> = vec![Vec::new(); counts.len()];
+        let mut first = 0;
+        for (moves, count) in self.ranks.iter().zip(counts) {
+            for (to, units) in moves.iter() {
+                for at in units.iter().map(|&unit| first + unit as usize) {
+                    moved[at] = true;
+                    arrived[to].push(at);
+                }
+            }
+            first += count;
+        }
+        let (mut sequence, mut counts_after) = (Vec::with_capacity(moved.len()), Vec::with_capacity(counts.len()));
+        first = 0;
+        for (arrived, count) in arrived.into_iter().zip(counts) {
+            let before = sequence.len();
+            sequence.extend((first..first + count).filter(|&at| !moved[at]));
+            sequence.extend(arrived);
+            counts_after.push(sequence.len() - before);
+            first += count;
+        }
+        Ok((sequence, counts_after))
+    }
+
     /// Returns the bytes that the busiest rank sends and receives, with the sizes of the units in `loads`.
     pub fn bytes(&self, loads: &Loads) -> u64 {
         let mut bytes = vec![0; self.ranks()];

@@ -49,6 +49,13 @@ const FORGETTING: f64 = 0.85;
 /// The weight of the start value, in observations.
 const RIDGE: f64 = 10.0;
 
+/// Relative differences of costs far below this one predict nothing.
+const RESOLUTION: f64 = 1e-3;
+
+/// By how much, in log costs, a prediction may lie beyond the mean of the class, the smoothed and the last cost: a factor
+/// of ten. After a jump of all costs, the regression may be far off for a sweep.
+const EXTRAPOLATION: f64 = std::f64::consts::LN_10;
+
 /// The positions in the sums: products of variables, products of the variables with the result, number of observations,
 /// and then the log cost and the number of costs of each class.
 const MOMENTS: usize = VARIABLES * VARIABLES;
@@ -114,7 +121,8 @@ impl Predictor {
     }
 
     /// Solves the normal equations of the difference to the start value. The ridge is relative to the size of each
-    /// variable, so that features may have any unit.
+    /// variable, so that features may have any unit. That of the log costs is at least the one of differences by
+    /// `RESOLUTION`: where all units of a class cost the same, their differences are rounding errors.
     fn fit(&mut self) {
         let count = self.learned[OBSERVATIONS];
         if count <= 0.0 {
@@ -125,6 +133,9 @@ impl Predictor {
         let residual = results - moments * start();
         for k in 0..VARIABLES {
             moments[(k, k)] += RIDGE / count * moments[(k, k)] + f64::MIN_POSITIVE.sqrt();
+        }
+        for k in 1..=2 {
+            moments[(k, k)] += count * RESOLUTION * RESOLUTION;
         }
         if let Some(factor) = moments.cholesky() {
             self.coefficients = start() + factor.solve(&residual);
@@ -140,7 +151,10 @@ impl Weights for Predictor {
         }
         // Without any class mean, the history of the unit is all that is known.
         let mean = if mean.is_nan() { self.log_costs(history).0 } else { mean };
-        (mean + self.coefficients.dot(&self.variables(history, mean))).exp()
+        let (smooth, last) = self.log_costs(history);
+        let (least, largest) = (mean.min(smooth).min(last), mean.max(smooth).max(last));
+        let predicted = mean + self.coefficients.dot(&self.variables(history, mean));
+        predicted.clamp(least - EXTRAPOLATION, largest + EXTRAPOLATION).exp()
     }
 
     fn learn(&mut self, histories: &[CostHistory], costs: &[Cost]) {

@@ -178,3 +178,20 @@ fn all_ranks_learn_the_same() {
         assert!((coefficients - predictor.coefficients).norm() < 1e-9, "{coefficients}");
     }
 }
+
+#[test]
+fn weights_stay_near_the_costs_when_all_of_them_jump() {
+    let mut predictor = Predictor::new(Quantity::Seconds, 2);
+    let mut histories: Vec<CostHistory> = (0..60).map(|unit| CostHistory::new(unit % 2)).collect();
+    for factor in [1.0, 1.0, 1.0, 1.7, 1.7, 0.6, 1.0] {
+        let cost = |class: u32| Cost { seconds: factor * [1e-3, 3.3e-3][class as usize], ..Cost::default() };
+        let costs: Vec<Cost> = histories.iter().map(|history| cost(history.class)).collect();
+        predictor.learn(&histories, &costs);
+        let sums = predictor.take_sums();
+        predictor.add_sums(&sums);
+        histories.iter_mut().zip(&costs).for_each(|(history, cost)| history.record(cost));
+        let weights = histories.iter().map(|history| predictor.weight(history));
+        let largest = weights.fold(0.0, f64::max);
+        assert!((1e-3..7e-2).contains(&largest), "{largest} after a factor of {factor}");
+    }
+}

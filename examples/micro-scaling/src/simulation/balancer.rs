@@ -1,0 +1,188 @@
+//! Schemes of load balancing, with the library's own weights, planners and trigger.
+
+use std::time::Instant;
+
+use biotissue::coupling::balance::{
+    BalanceError, Cost, CostHistory, Diffusive, Greedy, Iterations, Loads, LongestFirst, MigrationPlan, Planner,
+    Predictor, Quantity, Trigger, TriggerParams, Weights, max_over_mean, rank_correlation,
+};
+use clap::ValueEnum;
+
+use super::{Case, Run};
+
+/// How the micro ranks balance their load.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Scheme {
+    /// RVEs stay where they are.
+    Nothing,
+    /// The reference text: at the end of every step, a greedy plan by the mean iterations since the last migration.
+    Text,
+    /// The default of `biotissue run`: before every sweep, if that pays, single RVEs by predicted seconds.
+    Default,
+    /// The seconds of the next sweep are known, RVEs move without cost: longest processing time first.
+    Oracle,
+}
+
+impl Scheme {
+    /// Its name in tables.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Nothing => "nothing",
+            Self::Text => "text",
+            Self::Default => "default",
+            Self::Oracle => "oracle",
+        }
+    }
+}
+
+/// A scheme and what it has learned.
+pub struct Balancer<'a> {
+    case: &'a Case<'a>,
+    scheme: Scheme,
+    predictor: Predictor,
+    trigger: Trigger,
+    is_due: bool,
+    /// Seconds of the last sweep on the slowest rank.
+    sweep_seconds: f64,
+}
+
+impl<'a> Balancer<'a> {
+    pub fn new(case: &'a Case<'a>, scheme: Scheme) -> Self {
+        // As in `biotissue run`, the last class is that of RVEs without a network.
+        let predictor = Predictor::new(Quantity::Seconds, case.replicas.recording.networks() + 1);
+        let trigger = Trigger::new(TriggerParams::default());
+        Self { case, scheme, predictor, trigger, is_due: false, sweep_seconds: 0.0 }
+    }
+
+    /// Balances ahead of a sweep.
+    pub fn before_sweep(&mut self, run: &mut Run, sweep: usize) -> Result<(), BalanceError> {
+        match self.scheme {
+            Scheme::Nothing => Ok(()),
+            Scheme::Text if sweep > 0 && self.case.replicas.recording.starts_step(sweep) => self.by_the_text(run),
+            Scheme::Default if std::mem::take(&mut self.is_due) => self.if_it_pays(run),
+            Scheme::Text | Scheme::Default => Ok(()),
+            Scheme::Oracle => {
+                let seconds = |unit: usize| run.samples[unit].map_or(0.0, |sample| sample.seconds);
+                let loads = run.placement.loads(seconds, 0)?;
+                run.placement.migrate(&LongestFirst { stay: 0.0 }.plan(&loads)?)
+            }
+        }
+    }
+
+    fn by_the_text(&self, run: &mut Run) -> Result<(), BalanceError> {
+        let loads = self.loads(run, &Iterations)?;
+        let plan = self.timed(run, || Greedy.plan(&loads))?;
+        if !plan.is_empty() {
+            self.migrate(run, &loads, &plan)?;
+        }
+        Ok(())
+    }
+
+    fn if_it_pays(&mut self, run: &mut Run) -> Result<(), BalanceError> {
+        let before = run.totals.balancing();
+        let loads = self.loads(run, &self.predictor)?;
+        let (plan, estimate) = self.timed(run, || {
+            let plan = Diffusive::default().plan(&loads)?;
+            let estimate = self.trigger.estimate(&loads, &plan, self.sweep_seconds)?;
+            Ok((plan, estimate))
+        })?;
+        if plan.is_empty() || !estimate.pays() {
+            self.trigger.declined();
+            return Ok(());
+        }
+        self.migrate(run, &loads, &plan)?;
+        self.trigger.migrated(&loads, &plan, &estimate, run.totals.balancing() - before);
+        Ok(())
+    }
+
+    /// Gathers the loads of all ranks: 16 bytes per RVE, and the lengths of the two parts of each message.
+    fn loads(&self, run: &mut Run, weights: &impl Weights) -> Result<Loads, BalanceError> {
+        let Case { machine, local, ranks, .. } = self.case;
+        let bytes = 16 * run.histories.len() as u64 + 24 * *ranks as u64;
+        run.totals.planning += machine.gather_all(*ranks, bytes) + machine.core * local.gather;
+        run.totals.plans += 1;
+        // An RVE that does not exist has no weight; one that is about to be created is not known to the planner.
+        let weight = |unit: usize| if run.existed[unit] { weights.weight(&run.histories[unit]) } else { 0.0 };
+        run.placement.loads(weight, self.case.state_bytes)
+    }
+
+    /// Calls a planner, as every rank does, and measures its seconds.
+    fn timed<T>(&self, run: &mut Run, plan: impl FnOnce() -> Result<T, BalanceError>) -> Result<T, BalanceError> {
+        let start = Instant::now();
+        let planned = plan()?;
+        run.totals.planning += self.case.machine.core * start.elapsed().as_secs_f64();
+        Ok(planned)
+    }
+
+    /// Moves RVEs. The busiest rank sends and receives the most bytes; the coupling is updated by one more message
+    /// between each pair of ranks, and one from each micro rank to each of its macro ranks.
+    fn migrate(&self, run: &mut Run, loads: &Loads, plan: &MigrationPlan) -> Result<(), BalanceError> {
+        let Case { machine, local, ranks, macro_ranks, .. } = self.case;
+        let (mut messages, mut targets) = (vec![0; *ranks], 0);
+        for rank in 0..*ranks {
+            for (to, _) in plan.of(rank).iter() {
+                messages[rank] += 1;
+                messages[to] += 1;
+                targets += 1;
+            }
+        }
+        let most = messages.into_iter().max().unwrap_or(0);
+        run.totals.synchronizing += machine.core * local.migrate
+            + machine.gather_all(*ranks, 0)
+            + machine.gather_all(*ranks, 8 * targets)
+            + machine.messages(2 * most, plan.bytes(loads))
+            + machine.messages(run.neighbors, 0);
+        run.placement.migrate(plan)?;
+        run.neighbors = run.placement.macro_neighbors(*macro_ranks);
+        run.histories.iter_mut().for_each(CostHistory::restart);
+        run.totals.migrations += 1;
+        run.totals.moved += plan.len();
+        Ok(())
+    }
+
+    /// Learns from the costs of a sweep, in which the ranks took `busy` seconds.
+    pub fn after_sweep(&mut self, run: &mut Run, sweep: usize, busy: &[f64]) {
+        if self.scheme != Scheme::Default {
+            return;
+        }
+        let Case { machine, local, ranks, .. } = self.case;
+        let recording = self.case.replicas.recording;
+        if sweep + 1 == self.case.sweeps || recording.starts_step(sweep + 1) {
+            // Every rank computes the skill of the weights for the log of the step.
+            let units = (0..run.samples.len()).filter_map(|unit| Some((unit, run.cost(unit)?)));
+            let (weights, costs): (Vec<f64>, Vec<f64>) =
+                units.map(|(unit, cost)| (self.predictor.weight(&run.histories[unit]), cost.seconds)).unzip();
+            let start = Instant::now();
+            let _ = rank_correlation(&weights, &costs);
+            let seconds = start.elapsed().as_secs_f64();
+            run.totals.observing += machine.gather_all(*ranks, 16 * weights.len() as u64) + machine.core * seconds;
+        }
+        let sums = self.learn(run);
+        let bytes = 8 * sums as u64;
+        run.totals.observing += machine.core * local.record
+            + machine.gather_all(*ranks, bytes * *ranks as u64)
+            + machine.tree(*ranks, bytes)
+            + machine.gather_all(*ranks, 8 * *ranks as u64);
+        self.sweep_seconds = busy.iter().copied().fold(0.0, f64::max);
+        self.is_due |= self.trigger.observe(max_over_mean(busy));
+    }
+
+    /// Learns on every rank, and adds the sums in the order of the ranks as `Comm::sum` does; returns their number.
+    fn learn(&mut self, run: &Run) -> usize {
+        let mut sums: Vec<f64> = Vec::new();
+        for units in run.placement.iter() {
+            let existing =
+                units.iter().filter_map(|&unit| Some((run.histories[unit as usize], run.cost(unit as usize)?)));
+            let (histories, costs): (Vec<CostHistory>, Vec<Cost>) = existing.unzip();
+            self.predictor.learn(&histories, &costs);
+            let own = self.predictor.take_sums();
+            if sums.is_empty() {
+                sums = own;
+            } else {
+                sums.iter_mut().zip(own).for_each(|(sum, value)| *sum += value);
+            }
+        }
+        self.predictor.add_sums(&sums);
+        sums.len()
+    }
+}
