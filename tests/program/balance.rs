@@ -23,10 +23,11 @@ pub fn migrations(folder: &Path) -> Vec<Value> {
 #[test]
 pub fn migrations_do_not_change_results() {
     let folder = tempfile::tempdir().unwrap();
-    let text = fibers(&frozen()).replace("cells = [1, 1, 1]", "cells = [2, 2, 1]");
+    let text = fibers(&frozen()).replace("cells = [1, 1, 1]", "cells = [2, 2, 1]").replace("count = 2", "count = 5");
     run(folder.path(), &text, "--out alone").done();
     let alone = read(folder.path(), "alone/loads.csv");
-    let balances = ["planner = \"longest-first\"", "planner = \"greedy\", weights = \"seconds\"", "when = \"step\""];
+    let at_steps = "planner = \"longest-first\", when = \"step\"";
+    let balances = ["planner = \"longest-first\"", "planner = \"greedy\", weights = \"seconds\"", at_steps];
     for (scales, balance) in [(1, 3), (2, 2), (3, 4)].into_iter().zip(balances) {
         let text = restless(&text, scales, balance);
         run(folder.path(), &text, "--out shared").done();
