@@ -14,8 +14,8 @@ use super::units::{multiples, round_step, significant, tick_label};
 const COLORS: [&str; 7] = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#3c3c3c"];
 /// Attributes of the bars of iteration counts.
 const PALE: &str = "fill=\"#bed0dc\"";
-const INK: &str = "fill=\"#1b2733\"";
-const AXIS: &str = "fill=\"none\" stroke=\"#1b2733\"";
+pub(super) const INK: &str = "fill=\"#1b2733\"";
+pub(super) const AXIS: &str = "fill=\"none\" stroke=\"#1b2733\"";
 const GRID: &str = "stroke=\"#dee4e8\"";
 
 /// Size of a chart, pixels.
@@ -27,9 +27,9 @@ const RIGHT_OF_TWO: f64 = 558.0;
 /// Ends of the vertical axes on the page, from bottom to top.
 const HEIGHT: [f64; 2] = [286.0, 12.0];
 /// Font size of ticks and legend, pixels.
-const SMALL: f64 = 11.3;
+pub(super) const SMALL: f64 = 11.3;
 /// Font size of the labels of the axes, pixels.
-const LARGE: f64 = 12.1;
+pub(super) const LARGE: f64 = 12.1;
 
 /// A named line.
 #[derive(Clone, Debug, PartialEq)]
@@ -52,7 +52,7 @@ pub struct Labels<'a> {
 }
 
 /// An axis: the numbers and the pixels at its ends, and its ticks with their labels.
-struct Axis {
+pub(super) struct Axis {
     range: Range<f64>,
     pixels: [f64; 2],
     ticks: Vec<(f64, String)>,
@@ -60,7 +60,7 @@ struct Axis {
 
 impl Axis {
     /// Creates an axis with at most `most` ticks, which are at least `least_step` apart.
-    fn new(range: Range<f64>, pixels: [f64; 2], most: usize, least_step: f64) -> Self {
+    pub(super) fn new(range: Range<f64>, pixels: [f64; 2], most: usize, least_step: f64) -> Self {
         let step = round_step((range.end - range.start) / (most + 1) as f64).max(least_step);
         let mut ticks = multiples(step, range.start, range.end);
         if ticks.len() > most {
@@ -80,6 +80,17 @@ impl Axis {
     fn place(&self, value: f64) -> f64 {
         let [from, to] = self.pixels;
         from + (value - self.range.start) / (self.range.end - self.range.start) * (to - from)
+    }
+
+    /// Draws a horizontal axis at `y`, with its ticks and labels below.
+    pub(super) fn draw_horizontal(&self, svg: &mut Svg, y: f64) {
+        let [left, right] = self.pixels;
+        svg.path(&[[left, y], [right, y]], false, AXIS);
+        for (tick, label) in &self.ticks {
+            let at = self.place(*tick);
+            svg.path(&[[at, y], [at, y + 5.0]], false, AXIS);
+            svg.text([at, y + 19.0], SMALL, Anchor::Middle, INK, label);
+        }
     }
 
     /// Draws a vertical axis at `x`, with its ticks and labels to the left (`side = -1`) or to the right (`side = 1`).
@@ -117,12 +128,7 @@ impl Chart {
         }
         svg.segments(&grid, GRID);
         y.draw_vertical(&mut svg, left, -1.0, labels.y);
-        svg.path(&[[left, bottom], [right, bottom]], false, AXIS);
-        for (tick, label) in &x.ticks {
-            let at = x.place(*tick);
-            svg.path(&[[at, bottom], [at, bottom + 5.0]], false, AXIS);
-            svg.text([at, bottom + 19.0], SMALL, Anchor::Middle, INK, label);
-        }
+        x.draw_horizontal(&mut svg, bottom);
         svg.text([(left + right) / 2.0, SIZE[1] - 15.0], LARGE, Anchor::Middle, INK, labels.x);
         Self { svg, x, y }
     }
