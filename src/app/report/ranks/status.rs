@@ -3,7 +3,7 @@
 use std::fmt::Write;
 use std::ops::Range;
 
-use super::super::charts::{AXIS, Axis, INK, LARGE, SMALL};
+use super::super::charts::{AXIS, Axis, INK, LARGE, SMALL, mark};
 use super::super::svg::{Anchor, Svg, text_width};
 use super::columns::{Columns, groups, of_scale};
 use super::history::Outcome;
@@ -163,19 +163,14 @@ fn legend(svg: &mut Svg, timeline: &Timeline) {
         entry(svg, "failed attempt", &line);
     }
     if !timeline.migrations.is_empty() {
-        entry(svg, "migration", &|svg, x| triangle(svg, x + 6.0, Y + 5.0));
+        entry(svg, "migration", &|svg, x| mark(svg, [x + 6.0, Y + 5.0]));
     }
-}
-
-/// Draws a mark that points down to a place.
-fn triangle(svg: &mut Svg, x: f64, y: f64) {
-    svg.path(&[[x - 4.5, y - 9.0], [x + 4.5, y - 9.0], [x, y]], true, &format!("fill=\"{}\"", COLORS[2]));
 }
 
 /// Draws marks of migrations above `y`; marks that would nearly coincide are drawn once.
 fn migrations(svg: &mut Svg, places: &[f64], y: f64) {
     for x in apart(places.iter().copied(), 4.0) {
-        triangle(svg, x, y - 2.0);
+        mark(svg, [x, y - 2.0]);
     }
 }
 
