@@ -83,6 +83,9 @@ impl Axis {
     }
 }
 
+/// Most points of a line that are drawn: with more, they would touch.
+const MOST_POINTS: usize = 100;
+
 /// A chart under construction.
 pub(in crate::app::report) struct Chart {
     pub(super) svg: Svg,
@@ -119,12 +122,18 @@ impl Chart {
         if places.len() > 1 {
             self.svg.path(&places, false, &format!("fill=\"none\" stroke=\"{color}\" stroke-width=\"{width}\""));
         }
-        self.svg.circles(&places, width + 1.0, &format!("fill=\"{color}\""));
+        if places.len() <= MOST_POINTS {
+            self.svg.circles(&places, width + 1.0, &format!("fill=\"{color}\""));
+        }
     }
 
-    /// Creates a chart of numbered points with a given range of values.
-    pub(in crate::app::report) fn over(labels: Labels, x: Range<f64>, y: Range<f64>) -> Self {
-        Self::new(labels, Axis::new(x, [LEFT, RIGHT], 10, 1.0), Axis::new(y, HEIGHT, 6, 0.0), false)
+    /// Creates a chart of numbered points with a given range of values, and the legend of its lines to its right.
+    pub(in crate::app::report) fn with_legend(labels: Labels, x: Range<f64>, y: Range<f64>, lines: &[Line]) -> Self {
+        let right = RIGHT - legend_size(lines)[0];
+        let x = Axis::new(x, [LEFT, right], 10, 1.0);
+        let mut chart = Self::new(labels, x, Axis::new(y, HEIGHT, 6, 0.0), false);
+        chart.legend_at(lines, [right + 6.0, HEIGHT[1]], false);
+        chart
     }
 
     /// Draws vertical lines over the whole height.
@@ -143,17 +152,15 @@ impl Chart {
         }
     }
 
-    /// Marks places at the upper edge.
+    /// Marks places at the upper edge; marks that would nearly coincide are drawn once.
     pub(in crate::app::report) fn marks(&mut self, places: &[f64]) {
         let top = self.y.pixels[1];
-        for &x in places {
-            mark(&mut self.svg, [self.x.place(x), top + 8.0]);
-        }
+        let places: Vec<f64> = apart(places.iter().map(|&x| self.x.place(x)), 6.0).collect();
+        places.into_iter().for_each(|x| mark(&mut self.svg, [x, top + 8.0]));
     }
 
-    /// Adds a legend where the lines leave space, and returns the chart.
-    pub(in crate::app::report) fn finish(mut self, lines: &[Line]) -> String {
-        self.legend(lines, emptiest_corner(lines, &self.x.range, &self.y.range), false);
+    /// Returns the chart.
+    pub(in crate::app::report) fn finish(self) -> String {
         self.svg.finish()
     }
 
@@ -176,16 +183,19 @@ impl Chart {
 
     /// Draws the legend into the corner `[right, upper]`, unless there is only one line.
     pub(super) fn legend(&mut self, lines: &[Line], [right, upper]: [bool; 2], with_bars: bool) {
-        const ROW: f64 = 17.6;
         if lines.len() < 2 {
             return;
         }
-        let widest = lines.iter().map(|line| text_width(&line.name, SMALL)).fold(0.0, f64::max);
-        let (width, height) = (widest + 48.0, ROW * lines.len() as f64 + 13.0);
+        let [width, height] = legend_size(lines);
         let ([from, to], [bottom, top]) = (self.x.pixels, self.y.pixels);
         let x = if right { to - 5.0 - width } else { from + 5.0 };
         let y = if upper { top + 5.0 } else { bottom - 5.0 - height };
         self.svg.rectangle([x, y, width, height], &format!("fill=\"#fff\" fill-opacity=\".85\" {GRID}"));
+        self.legend_at(lines, [x, y], with_bars);
+    }
+
+    /// Draws the rows of a legend from a place to the right and downward.
+    fn legend_at(&mut self, lines: &[Line], [x, y]: [f64; 2], with_bars: bool) {
         for (k, (line, color)) in lines.iter().zip(COLORS.iter().cycle()).enumerate() {
             let middle = y + 15.0 + ROW * k as f64;
             if with_bars {
@@ -218,9 +228,28 @@ pub(in crate::app::report) fn range(values: impl Iterator<Item = f64>) -> Range<
     ((low / step + 1e-9).floor() * step)..((high / step - 1e-9).ceil() * step + 0.05 * step)
 }
 
+/// Height of a row of a legend, pixels.
+const ROW: f64 = 17.6;
+
+/// Returns width and height of a legend, pixels.
+fn legend_size(lines: &[Line]) -> [f64; 2] {
+    let widest = lines.iter().map(|line| text_width(&line.name, SMALL)).fold(0.0, f64::max);
+    [widest + 48.0, ROW * lines.len() as f64 + 13.0]
+}
+
 /// Draws a triangle that points down to a place: the mark of a migration.
 pub(in crate::app::report) fn mark(svg: &mut Svg, [x, y]: [f64; 2]) {
     svg.path(&[[x - 4.5, y - 9.0], [x + 4.5, y - 9.0], [x, y]], true, &format!("fill=\"{}\"", COLORS[0]));
+}
+
+/// Returns the first of ascending places, and each further one at a distance from the last one returned.
+pub(in crate::app::report) fn apart(places: impl Iterator<Item = f64>, distance: f64) -> impl Iterator<Item = f64> {
+    let mut last = f64::NEG_INFINITY;
+    places.filter(move |&place| {
+        let is_apart = place - last >= distance;
+        last = if is_apart { place } else { last };
+        is_apart
+    })
 }
 
 /// Returns the color of a line by its number.

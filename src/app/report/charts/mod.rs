@@ -8,7 +8,7 @@ mod frame;
 
 use super::picture::color::viridis;
 use super::svg::hex;
-pub(super) use frame::{AXIS, Axis, Chart, INK, LARGE, SMALL, line_color, mark, range};
+pub(super) use frame::{AXIS, Axis, Chart, INK, LARGE, SMALL, apart, line_color, mark, range};
 use frame::{COLORS, HEIGHT, LEFT, RIGHT, RIGHT_OF_TWO, emptiest_corner};
 
 /// A named line.

@@ -111,7 +111,7 @@ figure{margin:0;background:#fff;border:1px solid #dde3e8;border-radius:8px;overf
 figure svg{display:block;width:100%;height:auto}\
 figcaption{padding:4px 16px 12px;color:#37474f;font-size:14px}\
 .charts{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(460px,100%),1fr));gap:16px;margin-top:16px}\
-.row{grid-column:1/-1}\
+.row{grid-column:1/-1}.words th{white-space:normal}\
 dl{display:flex;flex-wrap:wrap;gap:8px;margin:16px 0}\
 dl div{flex:1 1 130px;background:#fff;border:1px solid #dde3e8;border-radius:8px;padding:8px 12px}\
 dt{color:#546e7a;font-size:13px}dd{margin:0;font-size:17px;font-weight:600;overflow-wrap:anywhere}\

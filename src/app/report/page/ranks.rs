@@ -80,12 +80,13 @@ fn iterations(run: &RankRun) -> Option<(String, String)> {
 }
 
 fn deviation(what: &str, loads: &Loads) -> String {
+    let quantiles = if loads.has_quantiles() { ", that of eight tenths of them blue" } else { "" };
     let per = match loads.unit {
         Unit::Evaluation => "evaluation (vertical lines: ends of load steps)",
         Unit::Attempt => "load step",
     };
     format!(
-        "Deviation of the {what} of each micro rank from their mean, per {per}; the range of all ranks is gray. Triangles \
+        "Deviation of the {what} of each micro rank from their mean, per {per}; the range of all ranks is gray{quantiles}. Triangles \
          mark migrations of RVEs. Points with less than a twentieth of the mean load are omitted."
     )
 }
@@ -117,7 +118,7 @@ pub(super) fn table(directory: &Directory) -> String {
         "seconds balancing",
         "skill",
     ];
-    let mut html = format!("<p>{}</p>\n<div class=\"scroll\"><table><thead><tr>", escape(TABLE));
+    let mut html = format!("<p>{}</p>\n<div class=\"scroll\"><table class=\"words\"><thead><tr>", escape(TABLE));
     columns.iter().for_each(|column| html.push_str(&format!("<th>{column}</th>")));
     html.push_str("</tr></thead>\n<tbody>\n");
     steps.iter().for_each(|(step, scales)| html.push_str(&row(&step.to_string(), scales)));

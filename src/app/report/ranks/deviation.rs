@@ -27,6 +27,8 @@ pub enum Unit {
 pub struct Loads {
     /// What a point stands for.
     pub unit: Unit,
+    /// Whether the numbers of the points are those of load steps, if a point is an attempt.
+    is_by_step: bool,
     /// Number of the first point.
     first: usize,
     /// The load of each rank, point by point.
@@ -48,8 +50,12 @@ impl Loads {
             (0..ranks).map(of_rank).map(|load| if load.is_finite() { load.max(0.0) } else { 0.0 }).collect()
         };
         let unit = if run.sweeps().count() <= MOST_SWEEPS { Unit::Evaluation } else { Unit::Attempt };
-        let first = if unit == Unit::Evaluation { 1 } else { run.resumed_from + 1 };
-        let mut loads = Self { unit, first, points: Vec::new(), migrations: Vec::new(), ends: Vec::new() };
+        let first = match run.attempts.first() {
+            Some(attempt) if unit == Unit::Attempt => attempt.step,
+            _ => 1,
+        };
+        let is_by_step = (first..).zip(&run.attempts).all(|(number, attempt)| attempt.step == number);
+        let mut loads = Self { unit, is_by_step, first, points: Vec::new(), migrations: Vec::new(), ends: Vec::new() };
         for attempt in &run.attempts {
             let of_attempt = loads.points.len();
             loads.points.extend(attempt.sweeps.iter().map(of_sweep));
@@ -67,6 +73,11 @@ impl Loads {
         }
         let has_load = loads.points.iter().flatten().any(|&load| load > 0.0);
         (ranks > 1 && has_load).then_some(loads)
+    }
+
+    /// Returns true if the chart shows quantiles instead of all ranks.
+    pub fn has_quantiles(&self) -> bool {
+        self.points.first().is_some_and(|loads| loads.len() > MOST_LINES)
     }
 
     /// Returns the deviations of all ranks from their mean in percent of it, at each point that is drawn.
@@ -97,31 +108,34 @@ impl Loads {
         };
         let x = match self.unit {
             Unit::Evaluation => "evaluation of all RVEs",
-            Unit::Attempt => "load step",
+            Unit::Attempt if self.is_by_step => "load step",
+            Unit::Attempt => "attempt at a load step",
         };
         let labels = Labels { chart, x, y: &format!("deviation of {of_what} in %") };
         let extremes = [quantile(0.0), quantile(1.0)];
         let y = range(extremes.iter().flatten().map(|&(_, y)| y).chain([0.0]));
         let last = (self.first + self.points.len().max(1) - 1) as f64;
-        let mut frame = Chart::over(labels, self.first as f64 - 0.5..last + 0.5, y);
-        let ends: Vec<f64> = self.ends.iter().map(|&k| (self.first + k) as f64 + 0.5).collect();
-        frame.columns(&ends);
-        frame.area(&extremes[0], &extremes[1], "#e3e7ea");
         let ranks = deviations.first().map_or(0, |(_, ranks)| ranks.len());
-        let lines: Vec<Line> = if ranks <= MOST_LINES {
+        let lines: Vec<Line> = if !self.has_quantiles() {
             let of_rank = |k: usize| deviations.iter().map(|(x, ranks)| (*x, ranks[k])).collect();
             (0..ranks).map(|k| Line { name: format!("rank {}", first_micro + k), points: of_rank(k) }).collect()
         } else {
-            frame.area(&quantile(0.1), &quantile(0.9), "#bed0dc");
             let of_quantile = |(name, part): (&str, f64)| Line { name: name.into(), points: quantile(part) };
-            [("most loaded rank", 1.0), ("least loaded rank", 0.0), ("median", 0.5)].map(of_quantile).into()
+            [("most loaded rank", 1.0), ("median", 0.5), ("least loaded rank", 0.0)].map(of_quantile).into()
         };
+        let mut frame = Chart::with_legend(labels, self.first as f64 - 0.5..last + 0.5, y, &lines);
+        frame.area(&extremes[0], &extremes[1], "#e3e7ea");
+        if self.has_quantiles() {
+            frame.area(&quantile(0.1), &quantile(0.9), "#bed0dc");
+        }
+        let ends: Vec<f64> = self.ends.iter().map(|&k| (self.first + k) as f64 + 0.5).collect();
+        frame.columns(&ends);
         for (k, line) in lines.iter().enumerate() {
             frame.line(line.points.iter().copied(), line_color(k), 1.5);
         }
         let moved: Vec<f64> = self.migrations.iter().map(|&k| (self.first + k) as f64 - 0.5).collect();
         frame.marks(&moved);
-        frame.finish(&lines)
+        frame.finish()
     }
 }
 
@@ -139,4 +153,72 @@ fn quantile(values: &[f64], part: f64) -> f64 {
     sorted.sort_by(f64::total_cmp);
     let at = part * sorted.len().saturating_sub(1) as f64;
     sorted.get(at.round() as usize).copied().unwrap_or(f64::NAN)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::history::Attempt;
+    use super::*;
+    use crate::app::results::log::MigrationReport;
+
+    /// Returns a run with one macro rank and these attempts: the loads of the micro ranks in each evaluation.
+    fn run(attempts: &[&[&[f64]]]) -> RankRun {
+        let times = |&busy: &f64| RankTimes { busy, ..RankTimes::default() };
+        let of_sweep = |loads: &&[f64]| [9.0].iter().chain(*loads).map(times).collect();
+        let attempt = |(k, sweeps): (usize, &&[&[f64]])| Attempt {
+            step: k + 1,
+            outcome: Outcome::Converged,
+            sweeps: sweeps.iter().map(of_sweep).collect(),
+            migrations: vec![MigrationReport { iteration: 1, ..Default::default() }; k],
+        };
+        RankRun { macro_ranks: 1, resumed_from: 0, attempts: attempts.iter().enumerate().map(attempt).collect() }
+    }
+
+    fn busy(times: &RankTimes) -> f64 {
+        times.busy
+    }
+
+    #[test]
+    fn deviations_are_relative_to_the_mean_of_the_micro_ranks() {
+        let loads = Loads::of(&run(&[&[&[1.0, 3.0], &[2.0, 2.0]], &[&[0.0, 0.01], &[1.0, 4.0]]]), busy).unwrap();
+        assert_eq!((loads.unit, &loads.migrations[..], &loads.ends[..]), (Unit::Evaluation, &[2][..], &[1, 3][..]));
+        // An evaluation with hardly any load is omitted.
+        let expected = [(1.0, vec![-50.0, 50.0]), (2.0, vec![0.0, 0.0]), (4.0, vec![-60.0, 60.0])];
+        assert_eq!(loads.deviations().len(), 3);
+        for ((x, found), (at, wanted)) in loads.deviations().iter().zip(&expected) {
+            assert!(x == at && found.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-9), "{x}: {found:?}");
+        }
+    }
+
+    #[test]
+    fn many_evaluations_are_summed_by_step() {
+        let long: Vec<&[f64]> = [&[1.0, 3.0][..], &[3.0, 1.0], &[1.0, 1.0]].into_iter().cycle().take(42).collect();
+        let unequal: Vec<&[f64]> = vec![&[1.0, 3.0]; 30];
+        let loads = Loads::of(&run(&[&long, &unequal]), busy).unwrap();
+        assert_eq!((loads.unit, loads.is_by_step, &loads.migrations[..]), (Unit::Attempt, true, &[1][..]));
+        let deviations = loads.deviations();
+        assert_eq!(deviations, [(1.0, vec![0.0, 0.0]), (2.0, vec![-50.0, 50.0])]);
+        let steps = vec![&long[..]; 1000];
+        let all = Loads::of(&run(&steps), busy).unwrap();
+        assert_eq!((all.deviations().len(), all.deviations()[0].0), (200, 3.0));
+        let chart = all.draw("a", "b", 1);
+        assert!(chart.contains(">1000<") && chart.len() < 20_000, "{} bytes", chart.len());
+    }
+
+    #[test]
+    fn many_ranks_are_drawn_as_quantiles() {
+        let of_rank: Vec<f64> = (0..9).map(|k| 6.0 + k as f64).collect();
+        let chart = Loads::of(&run(&[&[&of_rank[..], &of_rank]]), busy).unwrap().draw("a", "b", 1);
+        assert!(chart.contains("most loaded rank") && !chart.contains("rank 1<"), "{chart}");
+        let few = Loads::of(&run(&[&[&[1.0, 2.0][..]]]), busy).unwrap().draw("a", "b", 1);
+        assert!(few.contains(">rank 1<") && few.contains(">rank 2<"), "{few}");
+        assert_eq!([0.0, 0.1, 0.5, 1.0].map(|part| quantile(&of_rank, part)), [6.0, 7.0, 10.0, 14.0]);
+    }
+
+    #[test]
+    fn a_single_rank_and_ranks_without_load_have_no_chart() {
+        assert!(Loads::of(&run(&[&[&[1.0]]]), busy).is_none());
+        assert!(Loads::of(&run(&[&[&[0.0, f64::NAN]]]), busy).is_none());
+        assert!(Loads::of(&run(&[]), busy).is_none());
+    }
 }

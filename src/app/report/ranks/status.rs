@@ -3,8 +3,9 @@
 use std::fmt::Write;
 use std::ops::Range;
 
-use super::super::charts::{AXIS, Axis, INK, LARGE, SMALL, mark};
+use super::super::charts::{AXIS, Axis, INK, LARGE, SMALL, apart, mark};
 use super::super::svg::{Anchor, Svg, text_width};
+use super::super::units::round_step;
 use super::columns::{Columns, groups, of_scale};
 use super::history::Outcome;
 use super::timeline::{Segment, Status, Timeline};
@@ -19,8 +20,14 @@ const WIDTH: f64 = 1240.0;
 const LEFT: f64 = 104.0;
 /// Width of the bands, a multiple of all widths of a column.
 const BANDS: usize = 1104;
-/// Most bands per scale; further ranks share bands.
-const MOST_BANDS: usize = 32;
+/// Most ranks of a scale with a band each; more share bands.
+const MOST_RANKS: usize = 32;
+/// Number of bands that they share at most.
+const SHARED_BANDS: usize = 16;
+/// Most ends of steps that are drawn across the bands; more would cover them.
+const MOST_LINES: usize = 60;
+/// Most numbers of steps.
+const MOST_NUMBERS: usize = 35;
 /// Size of the file beyond which columns become wider, bytes.
 const MOST_BYTES: usize = 220_000;
 /// Height of the band of a whole scale.
@@ -46,13 +53,13 @@ pub(in crate::app::report) fn draw(timeline: &Timeline, first_micro: usize) -> O
         }
     }
     let ranks = timeline.ranks.len();
-    Some(StatusChart { svg, is_grouped: first_micro.max(ranks - first_micro.min(ranks)) > MOST_BANDS })
+    Some(StatusChart { svg, is_grouped: first_micro.max(ranks - first_micro.min(ranks)) > MOST_RANKS })
 }
 
 /// Draws the chart with columns of so many pixels.
 fn draw_columns(timeline: &Timeline, first_micro: usize, column: usize) -> String {
     let scales = [("macro scale", 0..first_micro), ("micro scale", first_micro..timeline.ranks.len())];
-    let bands: usize = scales.iter().map(|(_, ranks)| groups(ranks.clone(), MOST_BANDS).len()).sum();
+    let bands: usize = scales.iter().map(|(_, ranks)| bands_of(ranks.clone()).len()).sum();
     let height = [(12, 14), (33, 10)].into_iter().find(|&(most, _)| bands <= most).map_or(7, |(_, height)| height);
     let (top, bottom) = (66, 66 + bands * (height + 1) + 2 * (SCALE_BAND + 4) + 40);
     let mut svg = Svg::new(WIDTH, bottom as f64 + 46.0, "status of the ranks");
@@ -69,6 +76,12 @@ fn draw_columns(timeline: &Timeline, first_micro: usize, column: usize) -> Strin
     ends(&mut svg, timeline, [top as f64 - 4.0, bottom as f64]);
     time_axis(&mut svg, timeline.seconds, bottom as f64);
     svg.finish()
+}
+
+/// Returns the ranks of each band of a scale.
+fn bands_of(ranks: Range<usize>) -> Vec<Range<usize>> {
+    let most = if ranks.len() > MOST_RANKS { SHARED_BANDS } else { MOST_RANKS };
+    groups(ranks, most)
 }
 
 /// The bands of a chart.
@@ -90,10 +103,10 @@ impl Bands<'_> {
         label(svg, y as f64 + 12.0, LARGE, name);
         self.band(svg, &[of_scale(of_ranks)], y, SCALE_BAND);
         let mut y = y + SCALE_BAND + 4;
-        let groups = groups(ranks, MOST_BANDS);
+        let bands = bands_of(ranks);
         // Labels need 11 pixels.
         let every = 11usize.div_ceil(self.height + 1);
-        for (k, group) in groups.into_iter().enumerate() {
+        for (k, group) in bands.into_iter().enumerate() {
             if k.is_multiple_of(every) {
                 let (first, last) = (group.start, group.end - 1);
                 let text = if first == last { format!("rank {first}") } else { format!("ranks {first}\u{2013}{last}") };
@@ -169,32 +182,26 @@ fn legend(svg: &mut Svg, timeline: &Timeline) {
 
 /// Draws marks of migrations above `y`; marks that would nearly coincide are drawn once.
 fn migrations(svg: &mut Svg, places: &[f64], y: f64) {
-    for x in apart(places.iter().copied(), 4.0) {
+    for x in apart(places.iter().copied(), 6.0) {
         mark(svg, [x, y - 2.0]);
     }
 }
 
-/// Returns the first of ascending places, and each further one at a distance from the last one returned.
-fn apart(places: impl Iterator<Item = f64>, distance: f64) -> impl Iterator<Item = f64> {
-    let mut last = f64::NEG_INFINITY;
-    places.filter(move |&place| {
-        let is_apart = place - last >= distance;
-        last = if is_apart { place } else { last };
-        is_apart
-    })
-}
-
-/// Draws the ends of load steps and of failed attempts.
+/// Draws the ends of load steps and of failed attempts, across the bands unless there are too many.
 fn ends(svg: &mut Svg, timeline: &Timeline, [top, bottom]: [f64; 2]) {
     let x = |time: f64| LEFT + time / timeline.seconds * BANDS as f64;
     let of = |outcome: Outcome| timeline.ends.iter().filter(move |end| end.outcome == outcome);
     let lines = |outcome: Outcome| -> Vec<[[f64; 2]; 2]> {
-        apart(of(outcome).map(|end| x(end.time)), 3.0).map(|x| [[x, top], [x, bottom]]).collect()
+        let places: Vec<f64> = apart(of(outcome).map(|end| x(end.time)), 3.0).collect();
+        let to = if places.len() > MOST_LINES { top + 4.0 } else { bottom };
+        places.into_iter().map(|x| [[x, top], [x, to]]).collect()
     };
     svg.segments(&lines(Outcome::Failed), FAILED);
     svg.segments(&lines(Outcome::Converged), "stroke=\"#1b2733\"");
+    let count = of(Outcome::Converged).count();
+    let every = round_step(count as f64 / MOST_NUMBERS as f64).max(1.0) as usize;
     let mut free = f64::NEG_INFINITY;
-    for end in of(Outcome::Converged) {
+    for end in of(Outcome::Converged).filter(|end| end.step.is_multiple_of(every)) {
         let (at, text) = (x(end.time), end.step.to_string());
         let half = text_width(&text, SMALL) / 2.0;
         if at - half >= free {
