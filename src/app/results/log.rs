@@ -400,7 +400,9 @@ impl LogWriter {
 fn without_later_steps(text: &str, steps: usize) -> String {
     let step_of = |line: &str| match serde_json::from_str(line) {
         Ok(Event::Step(Step { step, .. })) => Some((step, true)),
-        Ok(Event::Cut(Cut { step, .. }) | Event::Ranks(Ranks { step, .. })) => Some((step, false)),
+        Ok(
+            Event::Cut(Cut { step, .. }) | Event::Ranks(Ranks { step, .. }) | Event::Migration(Migration { step, .. }),
+        ) => Some((step, false)),
         _ => None,
     };
     let of_lines: Vec<Option<(usize, bool)>> = text.lines().map(step_of).collect();
