@@ -60,7 +60,8 @@ pub(in crate::app::report) fn draw(timeline: &Timeline, first_micro: usize) -> O
 fn draw_columns(timeline: &Timeline, first_micro: usize, column: usize) -> String {
     let scales = [("macro scale", 0..first_micro), ("micro scale", first_micro..timeline.ranks.len())];
     let bands: usize = scales.iter().map(|(_, ranks)| bands_of(ranks.clone()).len()).sum();
-    let height = [(12, 14), (33, 10)].into_iter().find(|&(most, _)| bands <= most).map_or(7, |(_, height)| height);
+    let height =
+        [(12, 14), (21, 13), (33, 10)].into_iter().find(|&(most, _)| bands <= most).map_or(7, |(_, height)| height);
     let (top, bottom) = (66, 66 + bands * (height + 1) + 2 * (SCALE_BAND + 4) + 40);
     let mut svg = Svg::new(WIDTH, bottom as f64 + 46.0, "status of the ranks");
     legend(&mut svg, timeline);
