@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::Command;
 
 use biotissue::app::results::collection::{field_file, index_file};
-use biotissue::app::results::log::{self, Cut, End, NewtonLog, RveLog, Start, Step};
+use biotissue::app::results::log::{self, Cut, End, Migration, NewtonLog, Ranks, RveLog, Start, Step};
 use biotissue::app::results::networks::{NetworkPoint, network_file};
 use biotissue::app::results::{
     Collection, Event, FIELDS_FILE, FieldSet, Fields, LoadNames, LoadRow, Loads, LoadsWriter, LogWriter, NetworkSet,
@@ -477,6 +477,26 @@ fn the_log_is_read_back_and_survives_an_interruption() {
 
     std::fs::write(&path, format!("{whole}nonsense\n")).unwrap();
     assert!(log::read(&path).unwrap_err().to_string().contains("log.jsonl:6"));
+}
+
+/// A resumed run repeats the steps after its checkpoint with all that belongs to them.
+#[test]
+fn a_resumed_log_loses_all_events_of_the_steps_that_are_repeated() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("log.jsonl");
+    let of_step = |step: usize| {
+        [
+            Event::Migration(Migration { step, ..Migration::default() }),
+            Event::Ranks(Ranks { step, ..Ranks::default() }),
+            Event::Step(Step { step, ..Step::default() }),
+        ]
+    };
+    let mut writer = LogWriter::create(&path).unwrap();
+    for event in (1..=3).flat_map(of_step) {
+        writer.write(&event).unwrap();
+    }
+    LogWriter::resume(&path, 2).unwrap();
+    assert_eq!(log::read(&path).unwrap(), (1..=2).flat_map(of_step).collect::<Vec<_>>());
 }
 
 #[test]

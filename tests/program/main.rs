@@ -18,6 +18,7 @@ mod messages;
 mod outputs;
 #[cfg(all(feature = "petsc", feature = "sparse"))]
 mod parts;
+mod rank_report;
 mod ranks;
 mod recorded_errors;
 mod run;

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::ReportError;
 use super::extension::{Extension, box_extension, row_at};
+use super::ranks::history::RankRun;
 use crate::app::results::collection::Entry;
 use crate::app::results::loads::LoadRow;
 use crate::app::results::log::{self, Cut, End, Start, Step};
@@ -20,6 +21,8 @@ pub struct Directory {
     pub steps: Vec<Step>,
     /// The attempts that failed and were cut.
     pub cuts: Vec<Cut>,
+    /// The runs on several ranks.
+    pub rank_runs: Vec<RankRun>,
     /// The end event of the log; `None` during the run.
     pub end: Option<End>,
     /// The table of loads.
@@ -58,11 +61,18 @@ impl Directory {
             None => Vec::new(),
         };
         let loads = loads.map(|file| Loads::read(&file)).transpose()?;
-        let mut directory =
-            Self { path: path.into(), start: None, steps: Vec::new(), cuts: Vec::new(), end: None, loads, fields };
-        for event in log.map(|file| log::read(&file)).transpose()?.unwrap_or_default() {
-            directory.add_event(event);
-        }
+        let events = log.map(|file| log::read(&file)).transpose()?.unwrap_or_default();
+        let mut directory = Self {
+            path: path.into(),
+            start: None,
+            steps: Vec::new(),
+            cuts: Vec::new(),
+            rank_runs: super::ranks::history::runs(&events),
+            end: None,
+            loads,
+            fields,
+        };
+        events.into_iter().for_each(|event| directory.add_event(event));
         Ok(directory)
     }
 

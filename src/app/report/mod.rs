@@ -9,6 +9,7 @@ mod error;
 pub mod extension;
 pub mod page;
 pub mod picture;
+pub mod ranks;
 mod svg;
 mod units;
 

@@ -60,6 +60,11 @@ impl Svg {
         for [[ax, ay], [bx, by]] in segments {
             let _ = write!(data, "M{} {}L{} {}", number(*ax), number(*ay), number(*bx), number(*by));
         }
+        self.data(&data, attributes);
+    }
+
+    /// Writes a path from its data.
+    pub(super) fn data(&mut self, data: &str, attributes: &str) {
         let _ = writeln!(self.document, "<path d=\"{data}\" {attributes}/>");
     }
 

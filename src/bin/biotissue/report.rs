@@ -1,7 +1,8 @@
-//! `biotissue report DIR`: turns a result directory into one report page or one picture.
+//! `biotissue report DIR`: turns a result directory into one report page, one picture, or charts.
 
 use std::path::{Path, PathBuf};
 
+use biotissue::app::report::page::Figure;
 use biotissue::app::report::picture::{self, PictureOptions};
 use biotissue::app::report::{ReportError, page};
 use biotissue::app::results::ResultsError;
@@ -20,6 +21,9 @@ pub struct ReportCommand {
     /// Write only the picture of the deformed body, as SVG, to this file
     #[arg(long, value_name = "FILE.svg", conflicts_with = "output")]
     picture: Option<PathBuf>,
+    /// Write only the charts of the page, each as an SVG file, to this folder
+    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["output", "picture", "step", "field", "axis"])]
+    charts: Option<PathBuf>,
     /// Draw this load step [default: the last one with fields]
     #[arg(long, value_name = "N", value_parser = count, allow_hyphen_values = true)]
     step: Option<usize>,
@@ -42,23 +46,45 @@ pub enum Axis {
     Z,
 }
 
-/// Runs the command and prints the path of the written file.
+/// Runs the command and prints the paths of the written files.
 pub fn run(command: &ReportCommand) -> Result<(), Failure> {
-    let ReportCommand { dir, picture, step, field, axis, output: page_file } = command;
+    let ReportCommand { dir, picture, charts, step, field, axis, output: page_file } = command;
     let axis = axis.map(|axis| axis as usize);
     let options = PictureOptions { step: *step, field: field.clone(), axis, ..PictureOptions::default() };
     let failure = |error| failure(dir, error);
+    if let Some(folder) = charts {
+        return write_charts(folder, &page::charts(dir).map_err(failure)?);
+    }
     let written = match picture {
         Some(file) => {
             check_is_svg(file)?;
             let svg = picture::draw(dir, &options).map_err(failure)?;
-            output::make_folder_of(file)?;
-            biotissue::output::write(file, svg.as_bytes()).map_err(|error| Failure::unwritable(file, &error))?;
+            write_svg(file, &svg)?;
             file.clone()
         }
         None => page::write(dir, page_file.as_deref(), &options).map_err(failure)?,
     };
     output::print(&written.display().to_string())
+}
+
+/// Writes each chart to a file of its name and prints the paths.
+fn write_charts(folder: &Path, charts: &[Figure]) -> Result<(), Failure> {
+    let mut written = Vec::with_capacity(charts.len());
+    for chart in charts {
+        let file = folder.join(format!("{}.svg", chart.name));
+        write_svg(&file, &chart.svg)?;
+        written.push(file.display().to_string());
+    }
+    if written.is_empty() {
+        output::message("nothing to draw yet: no load step has converged");
+        return Ok(());
+    }
+    output::print(&written.join("\n"))
+}
+
+fn write_svg(file: &Path, svg: &str) -> Result<(), Failure> {
+    output::make_folder_of(file)?;
+    biotissue::output::write(file, svg.as_bytes()).map_err(|error| Failure::unwritable(file, &error))
 }
 
 fn check_is_svg(file: &Path) -> Result<(), Failure> {

@@ -6,8 +6,22 @@ use crate::app::report::units::prefix;
 use crate::app::results::loads::LoadRow;
 use crate::app::results::log::{NewtonSeconds, RveLog};
 
-/// The caption and the SVG text of a chart.
-type Figure = (String, String);
+/// A chart of the page.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Figure {
+    /// Its name, for the name of a file.
+    pub name: String,
+    /// What it shows.
+    pub caption: String,
+    /// The SVG text.
+    pub svg: String,
+}
+
+impl Figure {
+    fn new(name: &str, caption: impl Into<String>, svg: String) -> Self {
+        Self { name: name.into(), caption: caption.into(), svg }
+    }
+}
 
 /// Draws all charts.
 pub(super) fn all(run: &Run) -> impl Iterator<Item = Figure> {
@@ -45,7 +59,7 @@ fn forces_over_time(run: &Run) -> Option<Figure> {
     };
     let series = names.surfaces.iter().enumerate().map(|(k, name)| (name.clone(), size(k)));
     let chart = over_time(run, series, ("force over time", "size of the force", "N"))?;
-    Some(("Size of the force on the body through each loaded surface".into(), chart))
+    Some(Figure::new("forces", "Size of the force on the body through each loaded surface", chart))
 }
 
 fn moments(run: &Run) -> Option<Figure> {
@@ -58,7 +72,8 @@ fn moments(run: &Run) -> Option<Figure> {
             .map(move |(axis, of)| (format!("{name}, about {of}"), component(k, axis)))
     });
     let chart = over_time(run, series, ("moment over time", "moment", "N m"))?;
-    Some(("Moment on the body through each rigid surface, about its displaced reference point".into(), chart))
+    let caption = "Moment on the body through each rigid surface, about its displaced reference point";
+    Some(Figure::new("moments", caption, chart))
 }
 
 fn pressures(run: &Run) -> Option<Figure> {
@@ -68,7 +83,7 @@ fn pressures(run: &Run) -> Option<Figure> {
     let chart = over_time(run, series, ("pressure over time", "pressure", "Pa"))?;
     let caption =
         "Pressure of each volume constraint; positive if it presses on the wall of a cavity or expands a region";
-    Some((caption.into(), chart))
+    Some(Figure::new("pressures", caption, chart))
 }
 
 /// Returns the pairs of increment number, which starts at 1, and `value`, without the increments that have no value.
@@ -111,7 +126,7 @@ fn force(run: &Run) -> Option<Figure> {
         run.surface_name(from),
         run.surface_name(to),
     );
-    Some((caption, lines(labels, &all)))
+    Some(Figure::new("force", caption, lines(labels, &all)))
 }
 
 fn extension(run: &Run) -> Option<Figure> {
@@ -126,7 +141,7 @@ fn extension(run: &Run) -> Option<Figure> {
         y: &format!("{} in {} (line)", run.extension_name(), run.extension_unit()),
     };
     let caption = "Macro-scale body extension and Newton iterations per load step";
-    Some((caption.into(), extension_and_iterations(labels, &extension, &iterations)))
+    Some(Figure::new("extension", caption, extension_and_iterations(labels, &extension, &iterations)))
 }
 
 fn seconds(run: &Run) -> Option<Figure> {
@@ -145,7 +160,7 @@ fn seconds(run: &Run) -> Option<Figure> {
         return None;
     }
     let labels = Labels { chart: "wall time by phase", x: "load step", y: "wall time in s" };
-    Some(("Wall time by phase per load step".into(), stacked_bars(labels, &phases)))
+    Some(Figure::new("wall-time", "Wall time by phase per load step", stacked_bars(labels, &phases)))
 }
 
 fn rves(run: &Run) -> Option<Figure> {
@@ -159,7 +174,7 @@ fn rves(run: &Run) -> Option<Figure> {
     }
     let labels = Labels { chart: "RVE iterations", x: "load step", y: "Newton iterations of an RVE" };
     let caption = "Micro-scale Newton iterations per RVE equilibrium, by load step";
-    Some((caption.into(), lines(labels, &all)))
+    Some(Figure::new("rve-iterations", caption, lines(labels, &all)))
 }
 
 fn convergence(run: &Run) -> Option<Figure> {
@@ -177,5 +192,5 @@ fn convergence(run: &Run) -> Option<Figure> {
     }
     let labels = Labels { chart: "convergence", x: "Newton iteration", y: "relative residual" };
     let caption = "Convergence of Newton's method, one line per load step (dark: first, light: last)";
-    Some((caption.into(), logarithmic(labels, &all)))
+    Some(Figure::new("convergence", caption, logarithmic(labels, &all)))
 }

@@ -12,8 +12,10 @@ use crate::app::results::{Fields, ResultsError, is_report};
 use crate::output;
 
 mod figures;
+mod ranks;
 
 pub use crate::app::results::REPORT_FILE;
+pub use figures::Figure;
 
 /// Writes the page of a result directory to `file`, with [`output::write`], or to `report.html` in that directory, and
 /// returns its path.
@@ -58,13 +60,42 @@ pub fn page(dir: &Path, options: &PictureOptions) -> Result<String, ReportError>
     }
     html.push_str(&facts(&directory, &run));
     html.push_str("<section class=\"charts\">\n");
-    for (caption, chart) in figures::all(&run) {
-        html.push_str(&format!("<figure>{chart}<figcaption>{}</figcaption></figure>\n", escape(&caption)));
-    }
+    figures::all(&run).for_each(|chart| html.push_str(&figure(&chart)));
     html.push_str("</section>\n");
+    html.push_str(&ranks(&directory));
     html.push_str(&table(&directory, &run));
     html.push_str("</main>\n</body>\n</html>\n");
     Ok(html)
+}
+
+/// Returns the charts of the page.
+///
+/// # Errors
+/// Returns [`ReportError`] if the directory is not a result directory, or a file in it is damaged.
+pub fn charts(dir: &Path) -> Result<Vec<Figure>, ReportError> {
+    let directory = Directory::open(dir)?;
+    let mut all: Vec<Figure> = figures::all(&Run::of(&directory)?).collect();
+    all.extend(ranks::figures(&directory));
+    Ok(all)
+}
+
+/// Returns the HTML text of a chart with its caption.
+fn figure(Figure { name, svg, caption }: &Figure) -> String {
+    // Wider than the other charts.
+    let class = if name.starts_with(ranks::STATUS) { " class=\"row\"" } else { "" };
+    format!("<figure{class}>{svg}<figcaption>{}</figcaption></figure>\n", escape(caption))
+}
+
+/// Returns the charts and the table of the ranks; empty for runs in one process.
+fn ranks(directory: &Directory) -> String {
+    let (charts, table) = (ranks::figures(directory), ranks::table(directory));
+    if charts.is_empty() && table.is_empty() {
+        return String::new();
+    }
+    format!(
+        "<h2>Ranks</h2>\n<section class=\"charts\">\n{}</section>\n{table}",
+        charts.iter().map(figure).collect::<String>()
+    )
 }
 
 const HEAD: &str = "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
@@ -80,6 +111,7 @@ figure{margin:0;background:#fff;border:1px solid #dde3e8;border-radius:8px;overf
 figure svg{display:block;width:100%;height:auto}\
 figcaption{padding:4px 16px 12px;color:#37474f;font-size:14px}\
 .charts{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(460px,100%),1fr));gap:16px;margin-top:16px}\
+.row{grid-column:1/-1}.words th{white-space:normal}\
 dl{display:flex;flex-wrap:wrap;gap:8px;margin:16px 0}\
 dl div{flex:1 1 130px;background:#fff;border:1px solid #dde3e8;border-radius:8px;padding:8px 12px}\
 dt{color:#546e7a;font-size:13px}dd{margin:0;font-size:17px;font-weight:600;overflow-wrap:anywhere}\
@@ -87,6 +119,7 @@ dt{color:#546e7a;font-size:13px}dd{margin:0;font-size:17px;font-weight:600;overf
 table{border-collapse:collapse;width:100%;font-size:14px;font-variant-numeric:tabular-nums}\
 th,td{padding:4px 12px;text-align:right;white-space:nowrap}\
 th{border-bottom:1px solid #dde3e8;color:#546e7a;font-weight:600}tbody tr:nth-child(even){background:#f7f9fa}\
+tfoot td{border-top:1px solid #dde3e8;font-weight:600}\
 td.text{text-align:left;white-space:normal}";
 
 /// The data shared by the charts, the facts and the table.
