@@ -4,7 +4,7 @@ use serde_json::Value;
 
 use crate::frozen;
 use crate::line;
-use crate::ranks::with_life_cycles;
+use crate::ranks::{with_life_cycles, with_scales};
 use crate::run::{PRESSED, fibers, write_case};
 
 /// Returns what `check --measure` prints of a case, and that it writes nothing.
@@ -38,8 +38,9 @@ fn a_few_rves_of_each_network_are_solved() {
     for split in splits {
         assert!(number(&split["seconds"]) >= longest, "{split}");
     }
-    let proposed = &splits[forecast["proposal"].as_u64().unwrap() as usize];
-    let proposal = format!("proposal   [scales] macro = {}, micro = ", proposed["macro"]);
+    let proposed = &forecast["proposal"];
+    let proposal = format!("proposal   scales = {{ macro = {}, micro = {} }}", proposed["macro"], proposed["micro"]);
+    assert!(splits.contains(proposed) && forecast["of_case"].is_null() && number(&forecast["step_seconds"]) > 0.0);
     assert!(text.contains(&proposal) && text.contains("3 RVEs solved"), "{text}");
 }
 
@@ -49,7 +50,9 @@ fn all_cases_are_measured() {
     let (pressed, text) = measured(&PRESSED.replace("count = 5", "count = 1"));
     assert_eq!((&pressed["converged"], &pressed["networks"]), (&false.into(), &serde_json::json!([])));
     assert!(text.contains("the first load step did not converge") && text.contains("proposal   no ranks"), "{text}");
-    let (waiting, _) = measured(&with_life_cycles());
+    let (waiting, text) = measured(&with_scales(&with_life_cycles(), (1, 3)));
+    assert_eq!(waiting["forecast"]["of_case"]["micro"], 3);
+    assert!(text.contains("this case    1 macro +      3 micro ranks: "), "{text}");
     assert!(!waiting["networks"].as_array().unwrap().is_empty(), "{waiting}");
     assert_eq!(waiting["failures"], 0);
 }

@@ -2,6 +2,7 @@
 
 mod machine;
 mod mirror;
+mod output;
 mod placement;
 mod pool;
 mod recording;
@@ -19,6 +20,7 @@ use std::process::ExitCode;
 use clap::{Parser, ValueEnum};
 
 use crate::machine::{Machine, MacroModel, MacroSolver};
+use crate::output::line;
 use crate::recording::Recording;
 use crate::replicas::{Layout, Perturbation};
 use crate::simulation::Scheme;
@@ -166,7 +168,7 @@ fn run(args: &Args) -> Result<(), Box<dyn Error>> {
             recording.take_medians();
         }
         let study = study(args, &recording);
-        println!("# {}\n", file.display());
+        line!("# {}\n", file.display());
         describe(&study);
         for &table in &args.tables {
             let rows = print(table, args, &study)?;
@@ -218,7 +220,7 @@ fn describe(study: &Study) {
     seconds.sort_unstable_by(f64::total_cmp);
     let mean = seconds.iter().sum::<f64>() / seconds.len() as f64;
     let quantile = |share: f64| digits(seconds[((seconds.len() - 1) as f64 * share) as usize]);
-    println!(
+    line!(
         "{} RVEs of {} networks, {} steps, {} sweeps, of which {sweeps} are used; {} values.",
         recording.rves(),
         recording.networks(),
@@ -226,7 +228,7 @@ fn describe(study: &Study) {
         recording.sweeps(),
         seconds.len()
     );
-    println!(
+    line!(
         "Seconds of an RVE: mean {}, median {}, 99 % {}, largest {}; the simulation multiplies them by {factor}.",
         digits(mean),
         quantile(0.5),
@@ -234,9 +236,9 @@ fn describe(study: &Study) {
         quantile(1.0)
     );
     if let Some(persistence) = recording.persistence() {
-        println!("Rank correlation of the seconds with those of the sweep before: {persistence:.2}.");
+        line!("Rank correlation of the seconds with those of the sweep before: {persistence:.2}.");
     }
-    println!(
+    line!(
         "Latency {} s, bandwidth {} B/s; macro scale: {} s per {} elements on one core, at least {} elements per rank.\n",
         digits(machine.latency),
         digits(machine.bandwidth),
@@ -252,7 +254,7 @@ fn print(table: Table, args: &Args, study: &Study) -> Result<Vec<Row>, Box<dyn E
     match table {
         Table::Strong => {
             for &elements in &args.elements {
-                println!("## Strong scaling, {elements} RVEs, 1 macro rank per {} micro ranks\n", study.ratio);
+                line!("## Strong scaling, {elements} RVEs, 1 macro rank per {} micro ranks\n", study.ratio);
                 let rows = runs(study, args.ranks.iter().map(|&ranks| (elements, study.ranks(ranks))))?;
                 tables::times(&rows);
                 tables::parts(&rows);
@@ -262,7 +264,7 @@ fn print(table: Table, args: &Args, study: &Study) -> Result<Vec<Row>, Box<dyn E
         }
         Table::Weak => {
             for &per_rank in &args.per_rank {
-                println!("## Weak scaling, {per_rank} RVEs per micro rank, 1 macro rank per {} of them\n", study.ratio);
+                line!("## Weak scaling, {per_rank} RVEs per micro rank, 1 macro rank per {} of them\n", study.ratio);
                 let rows = runs(study, args.ranks.iter().map(|&ranks| (per_rank * ranks, study.ranks(ranks))))?;
                 tables::times(&rows);
                 tables::parts(&rows);
@@ -272,7 +274,7 @@ fn print(table: Table, args: &Args, study: &Study) -> Result<Vec<Row>, Box<dyn E
         }
         Table::Ratio => {
             for &elements in &args.elements {
-                println!(
+                line!(
                     "## Macro ranks and micro ranks per macro rank, {elements} RVEs: seconds of an iteration (efficiency)\n"
                 );
                 let ranks = args.macro_ranks.iter().flat_map(|&macro_ranks| {
@@ -287,7 +289,7 @@ fn print(table: Table, args: &Args, study: &Study) -> Result<Vec<Row>, Box<dyn E
         Table::Pools => {
             for &cores in &args.cores {
                 for &per_core in &args.per_rank {
-                    println!("## Pools of work, {cores} cores, {per_core} RVEs per core\n");
+                    line!("## Pools of work, {cores} cores, {per_core} RVEs per core\n");
                     let macro_ranks = (cores / study.ratio).max(1);
                     let of_threads = |&threads: &usize| Ranks { micro: (cores / threads).max(1), threads, macro_ranks };
                     let rows = runs(study, args.threads.iter().map(|threads| (per_core * cores, of_threads(threads))))?;
@@ -304,7 +306,11 @@ fn print(table: Table, args: &Args, study: &Study) -> Result<Vec<Row>, Box<dyn E
 fn runs(study: &Study, runs: impl Iterator<Item = (usize, Ranks)>) -> Result<Vec<Row>, Box<dyn Error>> {
     let mut rows = Vec::new();
     for (rves, ranks) in runs {
-        rows.extend(study.run(rves, ranks)?);
+        let of_ranks = study.run(rves, ranks)?;
+        if of_ranks.is_empty() {
+            line!("Left out: {rves} RVEs, more than --max-rves {}.\n", study.max_rves);
+        }
+        rows.extend(of_ranks);
     }
     Ok(rows)
 }

@@ -1,19 +1,20 @@
 //! Tables in Markdown.
 
+use crate::output::line;
 use crate::simulation::{Scheme, Totals};
 use crate::study::Row;
 
 /// Prints the times of runs. Efficiencies are relative to the first run of the same scheme.
 pub fn times(rows: &[Row]) {
-    println!(
+    line!(
         "| micro ranks x threads | macro ranks | RVEs per core | scheme | iteration, s | efficiency | efficiency of the RVEs \
          | idle_any | idle_mean | max/mean | bound | largest loss |"
     );
-    println!("|{}", "---|".repeat(12));
+    line!("|{}", "---|".repeat(12));
     for row in rows {
         let Row { rves, ranks, scheme, totals } = row;
         let first = rows.iter().find(|first| first.scheme == *scheme).unwrap_or(row);
-        println!(
+        line!(
             "| {} | {} | {:.1} | {} | {} | {:.2} | {:.2} | {:.1} % | {:.1} % | {:.3} | {:.3} | {} |",
             of_ranks(row),
             ranks.macro_ranks,
@@ -29,17 +30,17 @@ pub fn times(rows: &[Row]) {
             totals.largest_loss().name(),
         );
     }
-    println!();
+    line!();
 }
 
 /// Prints what the time of an iteration is spent on.
 pub fn parts(rows: &[Row]) {
-    println!(
+    line!(
         "| micro ranks x threads | scheme | RVEs, mean per core, s | largest RVE, s | imbalance, s | exchange, s \
          | macro scale, s | balancing, s | observing, s per sweep | planning, s per plan | synchronizing, s per migration \
          | plans | migrations | RVEs moved by each |"
     );
-    println!("|{}", "---|".repeat(14));
+    line!("|{}", "---|".repeat(14));
     for row in rows {
         let Totals { plans, migrations, sweeps, .. } = row.totals;
         let parts = row.totals.parts().map(|(_, seconds)| digits(seconds)).join(" | ");
@@ -49,7 +50,7 @@ pub fn parts(rows: &[Row]) {
         } else {
             String::new()
         };
-        println!(
+        line!(
             "| {} | {} | {parts} | {} | {} | {} | {plans} | {migrations} | {moved} |",
             of_ranks(row),
             row.scheme.name(),
@@ -58,7 +59,7 @@ pub fn parts(rows: &[Row]) {
             per(row.totals.synchronizing, migrations),
         );
     }
-    println!();
+    line!();
 }
 
 /// Prints for each scheme up to how many ranks its efficiency is at least one half, and why it is not beyond.
@@ -70,9 +71,9 @@ pub fn limits(rows: &[Row]) {
         }
     });
     for scheme in schemes {
-        println!("* {}", limit(scheme, rows));
+        line!("* {}", limit(scheme, rows));
     }
-    println!();
+    line!();
 }
 
 /// Returns the sentence of a scheme.
@@ -98,8 +99,8 @@ fn limit(scheme: Scheme, rows: &[Row]) -> String {
 /// Prints the seconds of an iteration over the macro ranks and the ratio, and the efficiency relative to the first run.
 pub fn ratios(rows: &[Row], ratios: &[usize]) {
     let head: Vec<String> = ratios.iter().map(|ratio| format!("1:{ratio}")).collect();
-    println!("| scheme | macro ranks | {} |", head.join(" | "));
-    println!("|{}", "---|".repeat(2 + ratios.len()));
+    line!("| scheme | macro ranks | {} |", head.join(" | "));
+    line!("|{}", "---|".repeat(2 + ratios.len()));
     let mut lines: Vec<(Scheme, usize)> = Vec::new();
     rows.iter().for_each(|row| {
         if !lines.contains(&(row.scheme, row.ranks.macro_ranks)) {
@@ -119,9 +120,9 @@ pub fn ratios(rows: &[Row], ratios: &[usize]) {
             cell.unwrap_or_default()
         };
         let cells: Vec<String> = ratios.iter().map(cell).collect();
-        println!("| {} | {macro_ranks} | {} |", scheme.name(), cells.join(" | "));
+        line!("| {} | {macro_ranks} | {} |", scheme.name(), cells.join(" | "));
     }
-    println!();
+    line!();
 }
 
 /// The columns of a CSV file of all runs.

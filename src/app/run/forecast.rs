@@ -41,20 +41,30 @@ pub struct Forecast {
     pub splits: Vec<RankSplit>,
     /// The time of an evaluation in this process, without ranks, s.
     pub alone_seconds: f64,
-    /// Index of the largest number of ranks that pays in `splits`: twice as many would save less than a fifth of the time.
-    /// `None` if ranks do not pay at all, because there are no RVEs.
-    pub proposal: Option<usize>,
+    /// The time of a step in this process, if all take as many evaluations as the first one, s.
+    pub step_seconds: f64,
+    /// The split of the largest number of ranks that pays: twice as many would save less than a fifth of the time. `None` if
+    /// ranks do not pay at all, because there are no RVEs.
+    pub proposal: Option<RankSplit>,
+    /// The split of the case, if it has several ranks.
+    pub of_case: Option<RankSplit>,
 }
 
 impl Forecast {
-    /// Forecasts from a measurement; `distributes` tells whether the backend divides the body among several macro ranks.
-    pub fn new(measurement: &Measurement, distributes: bool) -> Self {
+    /// Forecasts from a measurement; `distributes` tells whether the backend divides the body among several macro ranks, and
+    /// `of_case` has the numbers of macro and micro ranks of the case.
+    pub fn new(measurement: &Measurement, distributes: bool, of_case: [usize; 2]) -> Self {
         let alone_seconds = measurement.body_seconds
             + (measurement.rve_seconds() / measurement.threads as f64).max(measurement.longest());
-        let rves = measurement.rves();
+        let step_seconds = measurement.evaluations.max(1) as f64 * alone_seconds;
+        let (rves, [macro_ranks, micro_ranks]) = (measurement.rves(), of_case);
         if rves == 0 {
-            return Self { splits: Vec::new(), alone_seconds, proposal: None };
+            return Self { splits: Vec::new(), alone_seconds, step_seconds, proposal: None, of_case: None };
         }
+        let of_case = (micro_ranks > 0).then(|| {
+            let split = split(measurement, if distributes { macro_ranks } else { 1 }, micro_ranks);
+            RankSplit { macro_ranks, ..split }
+        });
         let mut splits: Vec<RankSplit> = vec![best_split(measurement, 2, distributes)];
         let pays = |before: &RankSplit, after: &RankSplit| after.seconds <= PAYS * before.seconds;
         while let Some(&last) = splits.last()
@@ -67,12 +77,8 @@ impl Forecast {
             }
         }
         let proposal = splits.windows(2).take_while(|pair| pays(&pair[0], &pair[1])).count();
-        Self { splits, alone_seconds, proposal: Some(proposal) }
-    }
-
-    /// Returns the proposed split.
-    pub fn proposed(&self) -> Option<&RankSplit> {
-        self.splits.get(self.proposal?)
+        let proposal = splits.get(proposal).copied();
+        Self { splits, alone_seconds, step_seconds, proposal, of_case }
     }
 }
 
@@ -106,30 +112,34 @@ mod tests {
     #[test]
     fn ranks_pay_until_the_body_takes_most_of_the_time() {
         // 100 s of RVEs, 1 s for the body, 0.08 s of exchange: 128 ranks take 1.87 s, 256 take 1.48 s, 512 take 1.28 s.
-        let forecast = Forecast::new(&measurement(1.0, 100_000, 1e-3, 2e-3), false);
-        let proposed = forecast.proposed().unwrap();
+        let forecast = Forecast::new(&measurement(1.0, 100_000, 1e-3, 2e-3), false, [1, 0]);
+        let proposed = forecast.proposal.unwrap();
         assert_eq!([proposed.macro_ranks, proposed.micro_ranks], [1, 255]);
         assert!((forecast.alone_seconds - 101.0).abs() < 1e-9);
         let [.., before, last] = &forecast.splits[..] else { panic!() };
-        assert_eq!(before, proposed);
+        assert_eq!(*before, proposed);
         assert!(last.seconds > PAYS * before.seconds && last.seconds < before.seconds);
-        let divided = Forecast::new(&measurement(1.0, 100_000, 1e-3, 2e-3), true);
-        let proposed = divided.proposed().unwrap();
+        let divided = Forecast::new(&measurement(1.0, 100_000, 1e-3, 2e-3), true, [2, 6]);
+        let proposed = divided.proposal.unwrap();
         assert!(proposed.macro_ranks > 1 && proposed.micro_ranks > 255, "{proposed:?}");
+        let of_case = divided.of_case.unwrap();
+        assert_eq!([of_case.macro_ranks, of_case.micro_ranks], [2, 6]);
+        assert!((of_case.seconds - (0.55 + 100.0 / 6.0 + 0.0408)).abs() < 1e-3, "{of_case:?}");
+        assert_eq!(forecast.of_case, None);
     }
 
     #[test]
     fn no_evaluation_is_shorter_than_the_longest_rve() {
-        let forecast = Forecast::new(&measurement(0.0, 1000, 1e-3, 0.5), false);
+        let forecast = Forecast::new(&measurement(0.0, 1000, 1e-3, 0.5), false, [1, 0]);
         assert!(forecast.splits.iter().all(|split| split.seconds >= 0.5));
-        let proposed = forecast.proposed().unwrap();
+        let proposed = forecast.proposal.unwrap();
         assert!(proposed.micro_ranks < 4, "one RVE takes as long as 500 others: {proposed:?}");
     }
 
     #[test]
     fn ranks_never_outnumber_the_rves_and_no_rves_need_no_ranks() {
-        let forecast = Forecast::new(&measurement(0.0, 5, 1.0, 1.0), false);
-        assert!(forecast.proposed().unwrap().micro_ranks <= 8);
-        assert_eq!(Forecast::new(&measurement(1.0, 0, 0.0, 0.0), true).proposed(), None);
+        let forecast = Forecast::new(&measurement(0.0, 5, 1.0, 1.0), false, [1, 0]);
+        assert!(forecast.proposal.unwrap().micro_ranks <= 8);
+        assert_eq!(Forecast::new(&measurement(1.0, 0, 0.0, 0.0), true, [1, 3]).proposal, None);
     }
 }

@@ -1,5 +1,6 @@
 //! What an evaluation of the body and its RVEs costs, measured before a run.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use serde::Serialize;
@@ -42,7 +43,7 @@ pub struct NetworkCost {
     pub samples: usize,
     /// Mean time of a solution on one thread, s.
     pub seconds: f64,
-    /// Longest time of a solution, s.
+    /// Longest time of a solution, s: of those with equally many iterations, the median.
     pub longest: f64,
     /// Mean number of iterations of Newton's method.
     pub iterations: f64,
@@ -128,18 +129,42 @@ impl<B: RealBackend> Setup<B> {
 }
 
 impl NetworkCost {
-    /// Averages the costs of the samples of a model over the evaluations that solved them.
+    /// Averages the costs of the samples of a model over the evaluations that solved them. Each counts with the median time
+    /// of all with as many iterations, so that a thread that was suspended does not look like an expensive RVE.
     fn of(name: String, rves: usize, model: Option<u32>, costs: &[Vec<RveCost>]) -> Self {
-        let of_model = || costs.iter().flatten().filter(|cost| cost.model == model && cost.seconds > 0.0);
-        let count = of_model().count().max(1) as f64;
-        let samples = costs.iter().map(|sweep| sweep.iter().filter(|cost| cost.model == model).count());
-        Self {
-            name,
-            rves,
-            samples: samples.max().unwrap_or(0),
-            seconds: of_model().map(|cost| cost.seconds).sum::<f64>() / count,
-            longest: of_model().map(|cost| cost.seconds).fold(0.0, f64::max),
-            iterations: of_model().map(|cost| f64::from(cost.iterations)).sum::<f64>() / count,
+        let mut by_iterations: BTreeMap<u32, Vec<f64>> = BTreeMap::new();
+        for cost in costs.iter().flatten().filter(|cost| cost.model == model && cost.seconds > 0.0) {
+            by_iterations.entry(cost.iterations).or_default().push(cost.seconds);
         }
+        let (mut count, mut seconds, mut longest, mut iterations) = (0.0, 0.0, 0.0, 0.0);
+        for (of_solve, mut times) in by_iterations {
+            times.sort_by(f64::total_cmp);
+            let (number, median) = (times.len() as f64, times[times.len() / 2]);
+            count += number;
+            seconds += number * median;
+            iterations += number * f64::from(of_solve);
+            longest = f64::max(longest, median);
+        }
+        let count = f64::max(count, 1.0);
+        let samples = costs.iter().map(|sweep| sweep.iter().filter(|cost| cost.model == model).count());
+        let samples = samples.max().unwrap_or(0);
+        Self { name, rves, samples, seconds: seconds / count, longest, iterations: iterations / count }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_suspended_thread_is_no_expensive_rve() {
+        let cost = |iterations, seconds| RveCost { point: 0, model: Some(1), iterations, seconds };
+        let other = RveCost { model: Some(0), ..cost(2, 100.0) };
+        let costs = [vec![cost(2, 2.0), cost(2, 2.2), cost(2, 50.0), other], vec![cost(9, 8.0), cost(1, 0.0), other]];
+        let network = NetworkCost::of("a".into(), 10, Some(1), &costs);
+        assert_eq!((network.samples, network.longest), (3, 8.0));
+        assert!((network.seconds - (3.0 * 2.2 + 8.0) / 4.0).abs() < 1e-12 && network.iterations == 15.0 / 4.0);
+        let unsolved = NetworkCost::of("a".into(), 10, Some(2), &costs);
+        assert_eq!((unsolved.seconds, unsolved.longest, unsolved.samples), (0.0, 0.0, 0));
     }
 }

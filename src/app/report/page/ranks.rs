@@ -48,8 +48,8 @@ fn status(run: &RankRun) -> Option<(String, String)> {
     let share = |ranks: &[Vec<Segment>], status| percent(seconds_of(&of_scale(ranks), status) / timeline.seconds);
     let mut caption = format!(
         "Status of the ranks over wall time. The upper band of each scale is idle where at least one of its ranks waits for \
-         a message, balancing where otherwise one of them plans or carries out a migration, and busy elsewhere. \
-         Some rank of the macro scale is idle for {} of the time, some rank of the micro scale for {}; the micro scale \
+         a message, otherwise balancing where one of them plans or carries out a migration, and busy elsewhere. \
+         Some rank of the macro scale is idle for {} of the wall time, some rank of the micro scale for {}; the micro scale \
          balances for {}.",
         share(above, Status::Idle),
         share(below, Status::Idle),
@@ -73,10 +73,13 @@ fn seconds(run: &RankRun) -> Option<(String, String)> {
     Some((deviation("computing time", &loads), svg))
 }
 
+/// RVEs move so that the seconds of the ranks become equal; iterations in networks of different sizes take different times.
 fn iterations(run: &RankRun) -> Option<(String, String)> {
     let loads = Loads::of(run, |times: &RankTimes| times.iterations as f64)?;
     let svg = loads.draw("deviation of iterations", "the iterations", run.first_micro());
-    Some((deviation("number of Newton iterations of the RVEs", &loads), svg))
+    let note =
+        " The default balancing makes the seconds equal, not the iterations, which take longer in larger networks.";
+    Some((deviation("number of Newton iterations of the RVEs", &loads) + note, svg))
 }
 
 fn deviation(what: &str, loads: &Loads) -> String {

@@ -18,14 +18,13 @@ impl Measured {
     /// Returns the lines of the plan.
     pub fn text(&self, steps: usize) -> Vec<String> {
         let Self { measurement, forecast } = self;
-        let body = duration(measurement.body_seconds);
-        let mut lines = vec![format!(
-            "measured   {body} of assembly and solution an evaluation, on {} threads",
-            measurement.threads
-        )];
+        let (body, on) = (duration(measurement.body_seconds), plural(measurement.threads, "thread"));
+        let mut lines = vec![format!("measured   {body} per evaluation for assembly and linear solution, on {on}")];
         if measurement.rves() > 0 {
             let (sum, longest) = (duration(measurement.rve_seconds()), duration(measurement.longest()));
-            lines.push(format!("           {sum} of all RVEs an evaluation, on one thread; the longest RVE {longest}"));
+            lines.push(format!(
+                "           {sum} per evaluation for all RVEs, on one thread; {longest} for the longest RVE"
+            ));
             lines.extend(self.networks());
         }
         if measurement.failures > 0 {
@@ -35,21 +34,15 @@ impl Measured {
         if !measurement.converged {
             lines.push("           the first load step did not converge with linear networks".into());
         }
-        let evaluations = measurement.evaluations.max(1);
-        let step = evaluations as f64 * forecast.alone_seconds;
-        let (step, run) = (duration(step), duration(steps as f64 * step));
+        let evaluations = plural(measurement.evaluations, "evaluation");
+        let (step, run) = (duration(forecast.step_seconds), duration(steps as f64 * forecast.step_seconds));
+        lines.push(format!("forecast   {step} per step and {run} for the run in this process, without ranks"));
         lines.push(format!(
-            "forecast   {step} a step and {run} a run in this process, at {evaluations} evaluations a step as in the first"
+            "           if all steps are like the first, with {evaluations}; steps in which networks lose stability take longer"
         ));
-        for split in &forecast.splits {
-            let RankSplit { macro_ranks, micro_ranks, seconds, body_share } = split;
-            let (seconds, share) = (duration(*seconds), 100.0 * body_share);
-            lines.push(format!(
-                "           {macro_ranks:>3} macro and {micro_ranks:>6} micro ranks: {seconds} an evaluation, \
-                 {share:.0} % of it for the body"
-            ));
-        }
-        lines.push(self.proposal());
+        lines.extend(forecast.splits.iter().map(|split| format!("           {}", line(split))));
+        lines.extend(forecast.of_case.iter().map(|split| format!("this case  {}", line(split))));
+        lines.extend(self.proposal());
         lines
     }
 
@@ -75,16 +68,33 @@ impl Measured {
         lines
     }
 
-    fn proposal(&self) -> String {
-        let Some(RankSplit { macro_ranks, micro_ranks, .. }) = self.forecast.proposed() else {
-            return "proposal   no ranks: there are no RVEs to divide among them".into();
+    fn proposal(&self) -> Vec<String> {
+        let Some(RankSplit { macro_ranks, micro_ranks, .. }) = self.forecast.proposal else {
+            return vec!["proposal   no ranks: there are no RVEs to divide among them".into()];
         };
-        let ranks = macro_ranks + micro_ranks;
-        format!(
-            "proposal   [scales] macro = {macro_ranks}, micro = {micro_ranks}, with a core for each rank; \
-             more than {ranks} ranks do not pay. On one machine, threads alone are as fast"
-        )
+        vec![
+            format!(
+                "proposal   scales = {{ macro = {macro_ranks}, micro = {micro_ranks} }}, with a core for each rank; more than {} \
+                 cores are not worth it",
+                macro_ranks + micro_ranks
+            ),
+            "           On one machine, use threads without ranks; on several, one micro rank on each, with a thread per core."
+                .into(),
+        ]
     }
+}
+
+/// Describes a split.
+fn line(split: &RankSplit) -> String {
+    let RankSplit { macro_ranks, micro_ranks, seconds, body_share } = split;
+    let (seconds, share) = (duration(*seconds), 100.0 * body_share);
+    format!(
+        "{macro_ranks:>3} macro + {micro_ranks:>6} micro ranks: {seconds} per evaluation, {share:.0} % of it for the body"
+    )
+}
+
+fn plural(count: usize, what: &str) -> String {
+    format!("{count} {what}{}", if count == 1 { "" } else { "s" })
 }
 
 /// Formats a time with three digits and a unit.

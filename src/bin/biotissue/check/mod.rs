@@ -149,8 +149,13 @@ impl Job for CheckJob {
         };
         if self.measure {
             let hints = CaseHints::of(setup.case());
+            let scales = setup.case().scales;
+            let of_case = match (scales.macro_ranks, scales.micro_ranks) {
+                (macro_ranks, 0) if macro_ranks > 1 => [macro_ranks, 1],
+                (macro_ranks, micro_ranks) => [macro_ranks, micro_ranks],
+            };
             let measurement = setup.measure().map_err(|error| not_set_up(&hints, error))?;
-            let forecast = Forecast::new(&measurement, B::DISTRIBUTES);
+            let forecast = Forecast::new(&measurement, B::DISTRIBUTES, of_case);
             plan.measured = Some(Measured { measurement, forecast });
         }
         Ok(plan)
@@ -206,7 +211,8 @@ impl Plan {
             megabytes(self.rve_bytes),
             megabytes(self.body_bytes)
         ));
-        lines.push(format!("ranks      {}, with {} threads", self.ranks, self.threads));
+        let plural = if self.threads == 1 { "" } else { "s" };
+        lines.push(format!("ranks      {}, with {} thread{plural}", self.ranks, self.threads));
         lines.push(format!("results    {}", self.directory.display()));
         lines.extend(self.measured.iter().flat_map(|measured| measured.text(self.steps)));
         lines.join("\n") + "\n"
