@@ -1,6 +1,6 @@
 //! A rank with several threads: a pool of work.
 
-use std::cmp::{Ordering, Reverse};
+use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
 /// Returns the seconds that a rank takes for its RVEs if each of its threads takes the next one as soon as it is free.
@@ -8,33 +8,17 @@ pub fn seconds(threads: usize, rves: impl Iterator<Item = f64>) -> f64 {
     if threads <= 1 {
         return rves.sum();
     }
-    let mut free: BinaryHeap<Reverse<Time>> = (0..threads).map(|_| Reverse(Time(0.0))).collect();
+    // Times are not negative, so that their bits have their order.
+    let mut free: BinaryHeap<Reverse<u64>> = vec![Reverse(0.0_f64.to_bits()); threads].into();
     let mut end = 0.0_f64;
     for seconds in rves {
         if let Some(mut first) = free.peek_mut() {
-            first.0.0 += seconds;
-            end = end.max(first.0.0);
+            let time = f64::from_bits(first.0) + seconds;
+            *first = Reverse(time.to_bits());
+            end = end.max(time);
         }
     }
     end
-}
-
-/// A time with a total order.
-#[derive(Clone, Copy, PartialEq)]
-struct Time(f64);
-
-impl Eq for Time {}
-
-impl PartialOrd for Time {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl Ord for Time {
-    fn cmp(&self, other: &Self) -> Ordering {
-        self.0.total_cmp(&other.0)
-    }
 }
 
 #[cfg(test)]
