@@ -15,25 +15,40 @@ pub fn restless(text: &str, scales: (usize, usize), balance: &str) -> String {
     format!("{}balance = {{ trigger = {trigger}, {balance} }}\n", with_scales(text, scales))
 }
 
+/// A balance whose migrations do not depend on measured times.
+pub const BY_ITERATIONS: &str = "planner = \"longest-first\", weights = \"iterations\"";
+
+/// Returns a case whose body shears unevenly, so that some RVEs take more iterations than others.
+pub fn uneven(text: &str) -> String {
+    text.replace("displacement = { x = 0.05 }", "displacement = { x = 0.2, y = 0.9 }")
+}
+
 /// Returns the migrations in the log of a run.
 pub fn migrations(folder: &Path) -> Vec<Value> {
     events(folder).into_iter().filter(|event| event["event"] == "migration").collect()
 }
 
 #[test]
-pub fn migrations_do_not_change_results() {
+fn migrations_do_not_change_results() {
     let folder = tempfile::tempdir().unwrap();
-    let text = fibers(&frozen()).replace("cells = [1, 1, 1]", "cells = [2, 2, 1]").replace("count = 2", "count = 5");
+    let text = uneven(&fibers(&frozen())).replace("cells = [1, 1, 1]", "cells = [2, 2, 1]");
+    let text = text.replace("count = 2", "count = 5");
     run(folder.path(), &text, "--out alone").done();
     let alone = read(folder.path(), "alone/loads.csv");
-    let at_steps = "planner = \"longest-first\", when = \"step\"";
-    let balances = ["planner = \"longest-first\"", "planner = \"greedy\", weights = \"seconds\"", at_steps];
-    for (scales, balance) in [(1, 3), (2, 2), (3, 4)].into_iter().zip(balances) {
+    let at_steps = format!("{BY_ITERATIONS}, when = \"step\"");
+    for (scales, balance) in [
+        ((1, 3), BY_ITERATIONS),
+        ((2, 5), "planner = \"greedy\", weights = \"iterations\""),
+        ((3, 4), &at_steps),
+        ((2, 3), "planner = \"greedy\", weights = \"seconds\""),
+        ((1, 4), "planner = \"longest-first\""),
+    ] {
         let text = restless(&text, scales, balance);
         run(folder.path(), &text, "--out shared").done();
         assert_eq!(read(folder.path(), "shared/loads.csv"), alone, "{scales:?} {balance}");
         let moved = migrations(&folder.path().join("shared"));
-        assert!(!moved.is_empty(), "{scales:?} {balance}");
+        // Whether a plan from measured times moves RVEs differs from run to run.
+        assert!(!moved.is_empty() || !balance.contains("iterations"), "{scales:?} {balance}");
         for event in &moved {
             let load = &event["max_over_mean"];
             assert!(event["units"].as_u64().unwrap() > 0 && event["bytes"].as_u64().unwrap() > 1000, "{event}");
@@ -49,8 +64,9 @@ pub fn migrations_do_not_change_results() {
             let [any, mean] = ["idle_any", "idle_mean"].map(|share| micro[share].as_f64().unwrap());
             assert!((0.0..=1.0).contains(&any) && (0.0..=any).contains(&mean), "{step}");
             assert!(micro["max_over_mean"].as_f64().unwrap() >= 1.0, "{step}");
-            let skill = step["scales"]["skill"].as_f64().unwrap();
-            assert!((-1.0..=1.0).contains(&skill), "{step}");
+            let skill = step["scales"]["skill"].as_f64();
+            assert!(skill.is_none_or(|skill| (-1.0..=1.0).contains(&skill)), "{step}");
+            assert!(skill.is_some() || balance.contains("iterations"), "all measured times differ: {step}");
         }
     }
 }
@@ -62,21 +78,24 @@ fn life_cycles_and_migrations_do_not_disturb_each_other() {
     let text = with_life_cycles();
     run(folder.path(), &text, "--out alone").done();
     let alone = read(folder.path(), "alone/loads.csv");
-    for (scales, balance) in [(1, 2), (3, 3)].into_iter().zip(["planner = \"longest-first\"", "weights = \"seconds\""])
+    for (scales, balance) in
+        [((1, 2), BY_ITERATIONS), ((3, 3), "weights = \"iterations\""), ((1, 3), "when = \"iteration\"")]
     {
         run(folder.path(), &restless(&text, scales, balance), "--out shared").done();
         assert_eq!(read(folder.path(), "shared/loads.csv"), alone, "{scales:?}");
-        assert!(migrations(&folder.path().join("shared")).len() > 3, "{scales:?}");
+        let moved = migrations(&folder.path().join("shared")).len();
+        assert!(moved > 3 || !balance.contains("iterations"), "{scales:?}: {moved}");
     }
 }
 
 #[test]
 fn a_run_is_resumed_after_migrations() {
     let folder = tempfile::tempdir().unwrap();
-    let text = fibers(&frozen()).replace("cells = [1, 1, 1]", "cells = [2, 1, 1]").replace("count = 2", "count = 4");
+    let text = uneven(&fibers(&frozen())).replace("cells = [1, 1, 1]", "cells = [2, 1, 1]");
+    let text = text.replace("count = 2", "count = 4");
     run(folder.path(), &text, "--out alone").done();
     let alone = read(folder.path(), "alone/loads.csv");
-    let restless = |scales| restless(&text, scales, "planner = \"longest-first\"");
+    let restless = |scales| restless(&text, scales, BY_ITERATIONS);
     run(folder.path(), &restless((1, 3)), "--out shared").done();
     assert!(!migrations(&folder.path().join("shared")).is_empty());
     for scales in [(2, 2), (1, 4)] {
@@ -101,7 +120,7 @@ fn a_step_is_cut_after_migrations() {
     run(folder.path(), &text, "--out alone").done();
     let alone = read(folder.path(), "alone/loads.csv");
     assert!(events(&folder.path().join("alone")).iter().any(|event| event["event"] == "cut"));
-    run(folder.path(), &restless(&text, (2, 3), "planner = \"longest-first\""), "--out shared").done();
+    run(folder.path(), &restless(&text, (2, 3), BY_ITERATIONS), "--out shared").done();
     assert_eq!(read(folder.path(), "shared/loads.csv"), alone);
     assert!(!migrations(&folder.path().join("shared")).is_empty());
 }
@@ -114,7 +133,7 @@ fn the_costs_of_all_sweeps_are_recorded() {
     let text = text.replace("displacement = { x = 0.05 }", "displacement = { x = 0.4 }");
     let text = format!("{text}max_cuts = 8\n[newton]\nmax_iterations = 2\n[output]\ncosts = true\n");
     run(folder.path(), &text, "--out alone").done();
-    run(folder.path(), &restless(&text, (1, 3), "planner = \"longest-first\""), "--out shared").done();
+    run(folder.path(), &restless(&text, (1, 3), BY_ITERATIONS), "--out shared").done();
     let rows = |run: &str| {
         let mut rows = read_costs(&folder.path().join(run).join("costs.csv")).unwrap();
         rows.sort_by_key(|row| (row.step, row.iteration, row.rve));

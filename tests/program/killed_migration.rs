@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use crate::balance::{migrations, restless};
+use crate::balance::{BY_ITERATIONS, migrations, restless};
 use crate::ranks::processes::{launched, one_at_a_time};
 use crate::ranks::{read, with_life_cycles};
 use crate::run::{events, run, write_case};
@@ -33,7 +33,7 @@ fn a_run_killed_in_a_migration_is_resumed() {
     let alone = read(folder, "alone/loads.csv");
     let case_of = |scales: (usize, usize)| {
         let name = format!("case-{}-{}.toml", scales.0, scales.1);
-        write_case(folder, &name, &restless(&text, scales, "planner = \"longest-first\""));
+        write_case(folder, &name, &restless(&text, scales, BY_ITERATIONS));
         name
     };
     let (case, other) = (case_of((1, 3)), case_of((2, 2)));

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use biotissue::app::results::{PointValues, read_points};
 
-use crate::balance::restless;
+use crate::balance::{BY_ITERATIONS, restless, uneven};
 use crate::ranks::processes::{assert_same_to_rounding, launched, mpirun_done, one_at_a_time};
 use crate::ranks::{read, with_life_cycles, with_scales};
 use crate::run::{PRESSED, events, fibers, run, write_case};
@@ -92,10 +92,10 @@ fn networks_of_bodies_in_parts_are_written() {
     let _turn = one_at_a_time();
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    let text = fibers(&frozen()).replace("cells = [1, 1, 1]", "cells = [3, 1, 1]");
+    let text = uneven(&fibers(&frozen())).replace("cells = [1, 1, 1]", "cells = [3, 1, 1]");
     let text = format!("{text}[newton]\ntolerance = 1e-12\n[output]\npoints = true\nrve = [1, 4, 16]\n");
     run(folder, &text, "--out alone --backend sparse").done();
-    write_case(folder, "case.toml", &restless(&text, (3, 2), "planner = \"longest-first\""));
+    write_case(folder, "case.toml", &restless(&text, (3, 2), BY_ITERATIONS));
     mpirun_done(folder, 5, "run case.toml --backend petsc --out parts");
     assert!(events(&folder.join("parts")).iter().any(|event| event["event"] == "migration"));
     assert_same_to_rounding(&read(folder, "parts/loads.csv"), &read(folder, "alone/loads.csv"));

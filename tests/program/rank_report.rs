@@ -5,7 +5,7 @@ use std::path::Path;
 use biotissue::app::report::directory::Directory;
 use biotissue::app::report::ranks::timeline::Timeline;
 
-use crate::balance::restless;
+use crate::balance::{BY_ITERATIONS, restless, uneven};
 use crate::ranks::{read, with_scales};
 use crate::run::{events, fibers, run};
 use crate::{frozen, line};
@@ -32,8 +32,8 @@ fn status_charts(page: &str) -> usize {
 #[test]
 fn a_run_on_ranks_has_its_status_its_deviations_and_a_table() {
     let folder = tempfile::tempdir().unwrap();
-    let text = fibers(&frozen()).replace("cells = [1, 1, 1]", "cells = [2, 2, 1]");
-    let text = restless(&text, (2, 3), "planner = \"longest-first\"");
+    let text = uneven(&fibers(&frozen())).replace("cells = [1, 1, 1]", "cells = [2, 2, 1]");
+    let text = restless(&text, (2, 3), BY_ITERATIONS);
     run(folder.path(), &text, "--out out").done();
     let page = page(folder.path());
     assert_eq!(status_charts(&page), 1);
