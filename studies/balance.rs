@@ -161,12 +161,8 @@ impl<C: Comm> Cells<C> {
         let own: Vec<f64> = self.histories.iter().map(|history| weights.weight(history)).collect();
         let (loads, plan) = balance::plan(&self.scale, planner, &own, &vec![1000; own.len()])?;
         // Without the duration of a sweep, every plan pays.
-        let estimate = trigger.estimate(&loads, &plan, sweep_seconds.unwrap_or(f64::INFINITY))?;
-        let migrates = !plan.is_empty() && estimate.pays();
-        if !migrates {
-            trigger.declined();
-            return Ok(false);
-        }
+        let accepted = trigger.accept(&loads, &plan, sweep_seconds.unwrap_or(f64::INFINITY))?;
+        let Some(estimate) = accepted else { return Ok(false) };
         let units = self.coupling.units().to_vec();
         let moves = plan.of(self.scale.rank());
         let histories = &self.histories;

@@ -9,7 +9,8 @@ use super::field_files::{FieldFiles, FieldNames, FieldState, PieceIndex};
 use super::rank_shares::RankShares;
 use super::results::collection::Entry;
 use super::results::log::{
-    Balance, Cut, Event, Factorizations, LinearLog, LogWriter, Migration, NewtonLog, NewtonSeconds, Ranks, RveLog, Step,
+    Balance, Cut, Event, Factorizations, LinearLog, LogWriter, Migration, NewtonLog, NewtonSeconds, Ranks, RveLog,
+    ScalesLog, Step,
 };
 use super::results::{
     self, CASE_FILE, COSTS_FILE, Collection, CostRow, CostsWriter, FIELDS_FILE, FieldFile, LOADS_FILE, LOG_FILE,
@@ -80,6 +81,8 @@ pub(super) struct Recorder<'a> {
     progress: &'a mut dyn Progress,
     started: std::time::Instant,
     shares: RankShares,
+    /// How the ranks shared the work of each step so far.
+    scales: Vec<ScalesLog>,
     /// The dump of the RVE that made the last attempt fail, if one did.
     failed_rve: Option<PathBuf>,
 }
@@ -126,10 +129,15 @@ impl<'a> Recorder<'a> {
             }
         };
         let costs_file = dir.join(COSTS_FILE);
-        let costs = case.output.costs.then(|| match resumed {
-            None => CostsWriter::create(&costs_file),
-            Some(on) => CostsWriter::resume(&costs_file, on.progress.steps),
-        });
+        let costs = match resumed {
+            None => case.output.costs.then(|| CostsWriter::create(&costs_file)).transpose()?,
+            // Without costs in the output, those of the steps that the run repeats still have to go.
+            Some(on) if case.output.costs || costs_file.exists() => {
+                let costs = CostsWriter::resume(&costs_file, on.progress.steps)?;
+                case.output.costs.then_some(costs)
+            }
+            Some(_) => None,
+        };
         let points_file = dir.join(POINTS_FILE);
         let points = match resumed {
             None => Collection::new(points_file),
@@ -151,13 +159,14 @@ impl<'a> Recorder<'a> {
             files: Arc::clone(&files),
             loads,
             log,
-            costs: costs.transpose()?,
+            costs,
             fields,
             points: case.output.points.then_some(points),
             networks,
             progress,
             started: std::time::Instant::now(),
             shares: RankShares::default(),
+            scales: Vec::new(),
             failed_rve: None,
             written,
         })
@@ -274,6 +283,11 @@ impl<'a> Recorder<'a> {
         self.progress.is_interrupted()
     }
 
+    /// Returns how the ranks shared the work of all steps; `None` for a run in one process.
+    pub fn scales(&self) -> Option<ScalesLog> {
+        (!self.scales.is_empty()).then(|| ScalesLog::total(&self.scales))
+    }
+
     /// Returns the dump of the RVE that made the last attempt fail, if one did.
     pub fn failed_rve(&self) -> Option<&Path> {
         self.failed_rve.as_deref()
@@ -317,6 +331,7 @@ impl Recorder<'_> {
             balance: balance(&step.forces),
             scales: self.shares.take().map(Box::new),
         };
+        self.scales.extend(line.scales.as_deref().cloned());
         self.failed_rve = None;
         self.progress.converged(&line);
         self.log.write(&Event::Step(line))

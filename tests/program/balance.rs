@@ -44,9 +44,14 @@ fn migrations_do_not_change_results() {
         ((1, 4), "planner = \"longest-first\""),
     ] {
         let text = restless(&text, scales, balance);
-        run(folder.path(), &text, "--out shared").done();
+        let summary = run(folder.path(), &text, "--out shared --json").object();
         assert_eq!(read(folder.path(), "shared/loads.csv"), alone, "{scales:?} {balance}");
         let moved = migrations(&folder.path().join("shared"));
+        let units: u64 = moved.iter().map(|event| event["units"].as_u64().unwrap()).sum();
+        assert_eq!(
+            (&summary["scales"]["migrations"], &summary["scales"]["moved"]),
+            (&moved.len().into(), &units.into())
+        );
         // Whether a plan from measured times moves RVEs differs from run to run.
         assert!(!moved.is_empty() || !balance.contains("iterations"), "{scales:?} {balance}");
         for event in &moved {
@@ -165,6 +170,11 @@ fn the_costs_of_all_sweeps_are_recorded() {
     };
     let resumed = rows("alone");
     assert!(count(&resumed, 2) > 0 && [1, 2].iter().all(|&step| count(&resumed, step) == count(&alone, step)));
+    // One that writes none leaves only those of the steps before.
+    std::fs::remove_file(folder.path().join("alone/checkpoint/step-00002.bin")).unwrap();
+    run(folder.path(), &text.replace("costs = true", ""), "--out alone --resume").done();
+    let left = rows("alone");
+    assert!(count(&left, 1) == count(&alone, 1) && left.iter().all(|row| row.step == 1));
     // A run without costs removes those of the run before.
     run(folder.path(), &text.replace("costs = true", ""), "--out alone").done();
     assert!(!folder.path().join("alone/costs.csv").exists());
@@ -174,7 +184,9 @@ fn the_costs_of_all_sweeps_are_recorded() {
 fn balancing_can_be_switched_off_and_is_written_with_the_case() {
     let folder = tempfile::tempdir().unwrap();
     let text = with_scales(&fibers(&frozen()), (1, 3));
-    run(folder.path(), &format!("{text}balance = {{ planner = \"none\" }}\n"), "--out out").done();
+    let done = run(folder.path(), &format!("{text}balance = {{ planner = \"none\" }}\n"), "--out out");
+    let line = done.done().lines().next().unwrap();
+    assert!(line.starts_with("micro ranks idle for ") && line.ends_with("; no RVE moved"), "{line}");
     assert!(migrations(&folder.path().join("out")).is_empty());
     assert!(read(folder.path(), "out/case.toml").contains("balance = { planner = \"none\" }"));
     run(folder.path(), &format!("{text}balance = {{ trigger = 1.2, when = \"step\" }}\n"), "--out out").done();
@@ -194,7 +206,7 @@ fn wrong_keys_and_planners_are_errors() {
         ("weigths = \"unit\"", "weights"),
         ("weights = \"mass\"", "\"predictor\""),
         ("when = \"never\"", "\"iteration\""),
-        ("trigger = 0.5", "from 1"),
+        ("trigger = 0.5", "at least 1"),
         ("trigger = { treshold = 2.0 }", "threshold"),
         ("trigger = { sweeps = 0 }", "from 1"),
     ] {

@@ -29,8 +29,9 @@ use crate::tables::digits;
 
 /// Simulates the iterations of a two-scale run on up to 65 536 micro ranks from the recorded costs of RVEs.
 #[derive(Debug, Parser)]
+#[command(version)]
 struct Args {
-    /// `costs.csv` of a run with `costs = true` in `[output]`; several files are several studies.
+    /// `costs.csv` of a run with `costs = true` in `[output]`, or the directory with it; several files are several studies.
     #[arg(required = true)]
     files: Vec<PathBuf>,
     /// What to print.
@@ -65,7 +66,7 @@ struct Args {
     /// Cores of the micro scale in the table of pools.
     #[arg(long, value_delimiter = ',', default_values_t = [1024, 8192, 65_536], value_parser = positive)]
     cores: Vec<usize>,
-    /// Threads per micro rank in the table of pools.
+    /// Threads per micro rank in the table of pools; divisors of the cores.
     #[arg(long, value_delimiter = ',', default_values_t = [1, 4, 16, 64], value_parser = positive)]
     threads: Vec<usize>,
     /// Bodies with more RVEs are left out.
@@ -100,7 +101,7 @@ struct Args {
     #[arg(long, default_value_t = 3e-6, value_parser = not_negative)]
     latency: f64,
     /// Bytes per second.
-    #[arg(long, default_value_t = 1.8e9, value_parser = not_negative)]
+    #[arg(long, default_value_t = 1.8e9, value_parser = above_zero)]
     bandwidth: f64,
     /// Seconds of a modelled core per second of this one, for what is measured here: planning, and messages in memory.
     #[arg(long, default_value_t = 1.0, value_parser = not_negative)]
@@ -145,6 +146,11 @@ fn positive(text: &str) -> Result<usize, String> {
 fn not_negative(text: &str) -> Result<f64, String> {
     let number: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
     if number >= 0.0 && number.is_finite() { Ok(number) } else { Err("must be finite and not negative".into()) }
+}
+
+fn above_zero(text: &str) -> Result<f64, String> {
+    let number = not_negative(text)?;
+    if number > 0.0 { Ok(number) } else { Err("must be above 0".into()) }
 }
 
 fn main() -> ExitCode {
@@ -204,7 +210,7 @@ fn study<'a>(args: &Args, recording: &'a Recording) -> Study<'a> {
         perturbation: Perturbation { seed: args.seed, window: args.window, spread: args.spread, noise: args.noise },
         factor: args.factor,
         sweeps: args.sweeps.unwrap_or(usize::MAX).min(recording.sweeps()),
-        machine: Machine { latency: args.latency, bandwidth: args.bandwidth.max(1.0), core: args.core },
+        machine: Machine { latency: args.latency, bandwidth: args.bandwidth, core: args.core },
         macro_model,
         state_bytes: args.state_bytes,
         schemes: args.schemes.clone(),
@@ -255,21 +261,13 @@ fn print(table: Table, args: &Args, study: &Study) -> Result<Vec<Row>, Box<dyn E
         Table::Strong => {
             for &elements in &args.elements {
                 line!("## Strong scaling, {elements} RVEs, 1 macro rank per {} micro ranks\n", study.ratio);
-                let rows = runs(study, args.ranks.iter().map(|&ranks| (elements, study.ranks(ranks))))?;
-                tables::times(&rows);
-                tables::parts(&rows);
-                tables::limits(&rows);
-                all.extend(rows);
+                all.extend(scaling(args, study, |_| elements)?);
             }
         }
         Table::Weak => {
             for &per_rank in &args.per_rank {
                 line!("## Weak scaling, {per_rank} RVEs per micro rank, 1 macro rank per {} of them\n", study.ratio);
-                let rows = runs(study, args.ranks.iter().map(|&ranks| (per_rank * ranks, study.ranks(ranks))))?;
-                tables::times(&rows);
-                tables::parts(&rows);
-                tables::limits(&rows);
-                all.extend(rows);
+                all.extend(scaling(args, study, |ranks| per_rank * ranks)?);
             }
         }
         Table::Ratio => {
@@ -291,8 +289,13 @@ fn print(table: Table, args: &Args, study: &Study) -> Result<Vec<Row>, Box<dyn E
                 for &per_core in &args.per_rank {
                     line!("## Pools of work, {cores} cores, {per_core} RVEs per core\n");
                     let macro_ranks = (cores / study.ratio).max(1);
-                    let of_threads = |&threads: &usize| Ranks { micro: (cores / threads).max(1), threads, macro_ranks };
-                    let rows = runs(study, args.threads.iter().map(|threads| (per_core * cores, of_threads(threads))))?;
+                    let (fit, odd): (Vec<usize>, Vec<usize>) =
+                        args.threads.iter().partition(|&&threads| cores.is_multiple_of(threads));
+                    for threads in odd {
+                        line!("Left out: {threads} threads per rank do not divide {cores} cores.\n");
+                    }
+                    let of_threads = |threads: usize| Ranks { micro: cores / threads, threads, macro_ranks };
+                    let rows = runs(study, fit.into_iter().map(|threads| (per_core * cores, of_threads(threads))))?;
                     tables::times(&rows);
                     tables::parts(&rows);
                     all.extend(rows);
@@ -301,6 +304,15 @@ fn print(table: Table, args: &Args, study: &Study) -> Result<Vec<Row>, Box<dyn E
         }
     }
     Ok(all)
+}
+
+/// Prints the tables of bodies whose number of RVEs depends on the micro ranks.
+fn scaling(args: &Args, study: &Study, rves: impl Fn(usize) -> usize) -> Result<Vec<Row>, Box<dyn Error>> {
+    let rows = runs(study, args.ranks.iter().map(|&ranks| (rves(ranks), study.ranks(ranks))))?;
+    tables::times(&rows);
+    tables::parts(&rows);
+    tables::limits(&rows);
+    Ok(rows)
 }
 
 fn runs(study: &Study, runs: impl Iterator<Item = (usize, Ranks)>) -> Result<Vec<Row>, Box<dyn Error>> {

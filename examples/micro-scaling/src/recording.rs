@@ -101,13 +101,18 @@ struct Row {
 }
 
 impl Recording {
-    /// Reads a file of costs. Its rows may have any order, and an RVE may be missing in any sweep.
+    /// Reads a file of costs, or that of a result directory. Its rows may have any order, and an RVE may be missing in any
+    /// sweep. An unfinished last line, which a run in progress leaves, is ignored.
     ///
     /// # Errors
     /// Returns [`RecordingError`] if the file cannot be read or a row is invalid.
     pub fn read(file: &Path) -> Result<Self, RecordingError> {
+        let in_folder = file.join("costs.csv");
+        let file = if file.is_dir() { &in_folder } else { file };
         let read = |reason| RecordingError::Read { file: file.into(), reason };
-        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_path(file).map_err(read)?;
+        let text = std::fs::read(file).map_err(|error| read(error.into()))?;
+        let end = text.iter().rposition(|&byte| byte == b'\n').map_or(0, |last| last + 1);
+        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(&text[..end]);
         let header = reader.headers().map_err(read)?.clone();
         let mut positions = [0; COLUMNS.len()];
         for (position, column) in positions.iter_mut().zip(COLUMNS) {
@@ -300,6 +305,14 @@ mod tests {
         assert_eq!(seconds(2), [Some(0.0), Some(0.125), Some(0.5)]);
         assert_eq!(recording.sample(2, 2).map(|sample| sample.iterations), Some(3));
         assert!(recording.class(1) != recording.class(2) && recording.class(0) != recording.class(1));
+    }
+
+    #[test]
+    fn the_file_of_a_directory_is_read_up_to_its_last_whole_line() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("costs.csv"), format!("{HEADER}1,1,0,a,2,0.125\n1,1,1,a,2,0.12")).unwrap();
+        let recording = Recording::read(folder.path()).unwrap();
+        assert_eq!((recording.rves(), recording.seconds().collect::<Vec<_>>()), (1, vec![0.125]));
     }
 
     #[test]

@@ -44,6 +44,7 @@ impl Range {
     /// Describes the range, such as ` above 0 and below 1, in Pa`, to follow "a number" or "three numbers".
     pub(crate) fn describe(&self) -> String {
         let mut text = match self.low {
+            Included(low) if self.high == Unbounded => format!(" of at least {low}"),
             Included(low) => format!(" from {low}"),
             Excluded(low) => format!(" above {low}"),
             Unbounded => String::new(),

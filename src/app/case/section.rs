@@ -268,6 +268,13 @@ fn balance(table: &mut Table<'_>, _: &Option<BalanceParams>) -> Option<BalancePa
         let names: Vec<&str> = When::ALL.iter().map(|when| when.name()).collect();
         value.named(&names, |text| When::ALL.iter().copied().find(|when| when.name() == text))
     });
+    let others = [("weights", weights.is_some()), ("trigger", trigger.is_some()), ("when", when.is_some())];
+    if planner == Some(None)
+        && let Some((key, _)) = others.into_iter().find(|&(_, is_given)| is_given)
+    {
+        let text = format!("`scales.balance.{key}` has no effect: with `planner = \"none\"`, RVEs stay where they are");
+        table.problems.warn(table.line, &text);
+    }
     planner.unwrap_or(Some(default.planner)).map(|planner| BalanceParams {
         planner,
         weights: weights.unwrap_or(default.weights),

@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::ResultsError;
 use super::replace::{replace, whole_lines};
+pub use super::scales_log::{ScaleLog, ScalesLog};
 pub use crate::tissue::two_scale::{MigrationReport, RankTimes};
 
 /// One line of the log.
@@ -92,65 +93,6 @@ pub struct Step {
     /// How the ranks shared the work; only in runs on several ranks.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scales: Option<Box<ScalesLog>>,
-}
-
-/// How the ranks of both scales shared the work of a step, cuts included.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
-pub struct ScalesLog {
-    /// The ranks of the body.
-    #[serde(rename = "macro")]
-    pub macro_scale: ScaleLog,
-    /// The ranks of the RVEs.
-    #[serde(rename = "micro")]
-    pub micro_scale: ScaleLog,
-    /// Number of migrations of RVEs.
-    pub migrations: usize,
-    /// RVEs that moved.
-    pub moved: usize,
-    /// Bytes of their states.
-    pub bytes: u64,
-    /// Seconds that the slowest rank spent planning and carrying out migrations.
-    pub seconds_balancing: f64,
-    /// The rank correlation of the expected and the measured costs of all RVEs in the last evaluation.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub skill: Option<f64>,
-}
-
-/// How the ranks of one scale shared its work. A sweep is one evaluation of all points; it lasts as long as its slowest
-/// rank computes.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
-pub struct ScaleLog {
-    /// Number of sweeps.
-    pub sweeps: usize,
-    /// Their duration in total, s.
-    pub seconds: f64,
-    /// The share of this time in which at least one rank is idle.
-    pub idle_any: f64,
-    /// The share of this time that a rank is idle, on average over the ranks.
-    pub idle_mean: f64,
-    /// The load of the most loaded rank over the mean, averaged over the sweeps by their load.
-    pub max_over_mean: f64,
-}
-
-impl ScaleLog {
-    /// Summarizes sweeps, each given by the seconds that every rank computed.
-    pub fn of(sweeps: impl Iterator<Item = Vec<f64>>) -> Self {
-        let (mut log, mut least, mut mean) = (Self::default(), 0.0, 0.0);
-        for busy in sweeps.filter(|busy| !busy.is_empty()) {
-            log.sweeps += 1;
-            log.seconds += busy.iter().copied().fold(0.0, f64::max);
-            least += busy.iter().copied().fold(f64::INFINITY, f64::min);
-            mean += busy.iter().sum::<f64>() / busy.len() as f64;
-        }
-        if mean > 0.0 {
-            log.idle_any = 1.0 - least / log.seconds;
-            log.idle_mean = 1.0 - mean / log.seconds;
-            log.max_over_mean = log.seconds / mean;
-        }
-        log
-    }
 }
 
 /// The balance of forces on the body. With body forces, the sum is not zero but balances their resultant.

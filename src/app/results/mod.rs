@@ -38,6 +38,7 @@ pub mod pieces;
 pub mod points;
 mod record;
 mod replace;
+mod scales_log;
 mod vtk;
 mod vtk_cells;
 

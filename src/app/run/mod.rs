@@ -210,7 +210,8 @@ impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
         };
         let end = Event::End(End { converged: reason.is_none(), reason, steps, seconds });
         recorder.write(|recorder| recorder.log(&end))?;
-        outcome.map(|summary| RunSummary { seconds, ..summary })
+        let scales = recorder.recorder.and_then(|recorder| recorder.scales());
+        outcome.map(|summary| RunSummary { seconds, scales, ..summary })
     }
 
     fn start_event(&self, completed_steps: usize) -> Start {
@@ -232,7 +233,7 @@ impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
     }
 
     /// Takes the remaining steps, with a checkpoint after every `[output] checkpoint` steps and at the end of the run;
-    /// returns a summary without the wall time.
+    /// returns a summary without the wall time and the shares of the ranks.
     fn take_steps(
         &mut self,
         dir: &Path,

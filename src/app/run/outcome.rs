@@ -6,6 +6,7 @@ use thiserror::Error;
 
 use crate::app::checkpoint::CheckpointError;
 use crate::app::results::ResultsError;
+use crate::app::results::log::ScalesLog;
 use crate::fem::stepping::{RestoreError, StepFailure};
 use crate::tissue::micro_scale::{FieldRestoreError, TissueFieldError};
 
@@ -66,7 +67,7 @@ pub struct Resumed {
 }
 
 /// The result of a run that took all load steps.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct RunSummary {
     /// Load steps of the case.
     pub steps: usize,
@@ -78,4 +79,7 @@ pub struct RunSummary {
     pub wasted_iterations: usize,
     /// Wall time, s.
     pub seconds: f64,
+    /// How the ranks shared the work since the start or the resumption of the run; only on the process that writes, in runs
+    /// on several ranks.
+    pub scales: Option<ScalesLog>,
 }

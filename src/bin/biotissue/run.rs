@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use biotissue::app::case::{Case, ScalesCase};
 use biotissue::app::results::LOADS_FILE;
+use biotissue::app::results::log::ScalesLog;
 use biotissue::app::run::{RunError, RunSummary, Setup, Simulation, WriterGroup};
 use biotissue::coupling::{Config, Plan};
 
@@ -168,10 +169,24 @@ fn print_summary(summary: &Summary, dir: &Path, json: bool) -> Result<(), Failur
         1 => format!(", and {wasted_iterations} in a failed increment"),
         _ => format!(", and {wasted_iterations} in {cuts} failed increments"),
     };
+    let scales = summary.scales.iter().map(|scales| format!("{}\n", balance_line(scales)));
     output::print(&format!(
-        "{steps} load steps, {iterations} Newton iterations{failed}, {seconds:.1} s; results in {}",
+        "{}{steps} load steps, {iterations} Newton iterations{failed}, {seconds:.1} s; results in {}",
+        scales.collect::<String>(),
         dir.display()
     ))
+}
+
+/// Says how evenly the micro ranks shared the work.
+fn balance_line(ScalesLog { micro_scale, migrations, moved, .. }: &ScalesLog) -> String {
+    let idle = 100.0 * micro_scale.idle_mean;
+    let moves = match (migrations, moved) {
+        (0, _) => "no RVE moved".to_owned(),
+        (1, 1) => "1 RVE moved in 1 migration".to_owned(),
+        (1, moved) => format!("{moved} RVEs moved in 1 migration"),
+        (migrations, moved) => format!("{moved} RVEs moved in {migrations} migrations"),
+    };
+    format!("micro ranks idle for {idle:.1} % of the evaluations on average; {moves}")
 }
 
 /// Reads a case; warnings go to stderr.
@@ -278,6 +293,9 @@ pub struct Summary {
     cuts: usize,
     wasted_iterations: usize,
     seconds: f64,
+    /// How the ranks shared the work, if there are several.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    scales: Option<ScalesLog>,
     directory: PathBuf,
 }
 
@@ -324,9 +342,9 @@ pub fn take_steps<B: ProgramBackend, M: TissueMaterial>(
         reporter.finish();
     }
     match outcome {
-        Ok(RunSummary { steps, iterations, cuts, wasted_iterations, seconds }) => {
+        Ok(RunSummary { steps, iterations, cuts, wasted_iterations, seconds, scales }) => {
             let directory = dir.to_owned();
-            Ok(Summary { converged: true, steps, iterations, cuts, wasted_iterations, seconds, directory })
+            Ok(Summary { converged: true, steps, iterations, cuts, wasted_iterations, seconds, scales, directory })
         }
         Err(RunError::NotConverged { step, count, reached, halvings, reason, failed_rve }) => {
             let case = simulation.case();

@@ -112,10 +112,24 @@ impl Trigger {
         Ok(Estimate { gain, cost: self.cost.seconds(plan.bytes(loads)), max_over_mean: after })
     }
 
-    /// Records a plan that was not carried out because it does not [pay](Estimate::pays). Lets old disappointments
-    /// fade, so that balancing is tried again when the costs have become regular.
-    pub fn declined(&mut self) {
-        self.achieved += 0.1 * (1.0 - self.achieved);
+    /// Returns the [estimate](Self::estimate) of a plan that moves units and [pays](Estimate::pays), which is then to be
+    /// carried out. `None` declines the plan and lets old disappointments fade, so that balancing is tried again when the
+    /// costs have become regular.
+    ///
+    /// # Errors
+    /// Returns [`BalanceError`] if the plan does not fit the loads.
+    pub fn accept(
+        &mut self,
+        loads: &Loads,
+        plan: &MigrationPlan,
+        sweep_seconds: f64,
+    ) -> Result<Option<Estimate>, BalanceError> {
+        let estimate = self.estimate(loads, plan, sweep_seconds)?;
+        let accepted = (!plan.is_empty() && estimate.pays()).then_some(estimate);
+        if accepted.is_none() {
+            self.achieved += 0.1 * (1.0 - self.achieved);
+        }
+        Ok(accepted)
     }
 
     /// Records a migration that was carried out, with the measured seconds that all its phases took, and starts the
@@ -203,10 +217,12 @@ mod tests {
         // From 30 to 20: a third of six sweeps.
         let estimate = trigger.estimate(&loads, &plan, 0.3).unwrap();
         assert!((estimate.gain - 0.6).abs() < 1e-12 && (estimate.cost - 0.01).abs() < 1e-9, "{estimate:?}");
-        assert!(estimate.pays() && !trigger.estimate(&loads, &plan, 0.004).unwrap().pays());
+        assert_eq!(trigger.accept(&loads, &plan, 0.3).unwrap(), Some(estimate));
+        assert_eq!(trigger.accept(&loads, &plan, 0.004).unwrap(), None);
+        assert_eq!(trigger.accept(&loads, &MigrationPlan::default(), 0.3).unwrap(), None, "nothing moves");
         // Migrations turn out to take a second.
         (0..6).for_each(|_| trigger.migrated(&loads, &plan, &estimate, 1.0));
-        assert!(!trigger.estimate(&loads, &plan, 0.3).unwrap().pays());
+        assert_eq!(trigger.accept(&loads, &plan, 0.3).unwrap(), None);
     }
 
     #[test]
@@ -220,7 +236,7 @@ mod tests {
         }
         let later = trigger.estimate(&loads, &plan, 1.0).unwrap();
         assert!((later.gain / estimate.gain - 0.125).abs() < 1e-12, "{later:?}");
-        (0..50).for_each(|_| trigger.declined());
+        (0..50).for_each(|_| assert_eq!(trigger.accept(&loads, &plan, 0.0).unwrap(), None));
         assert!(trigger.estimate(&loads, &plan, 1.0).unwrap().gain > 0.9 * estimate.gain);
     }
 

@@ -271,12 +271,8 @@ impl Balancer {
         let weights: Vec<f64> = units.histories().0.iter().map(|history| self.weights.weight(history)).collect();
         let bytes: Vec<u64> = (0..units.len()).map(|number| units.packed_bytes(number)).collect();
         let (loads, plan) = self.params.planner.plan(scale, &weights, &bytes)?;
-        let estimate = self.trigger.estimate(&loads, &plan, self.sweep_seconds)?;
-        if plan.is_empty() || !estimate.pays() {
-            self.trigger.declined();
-            return Ok(None);
-        }
-        Ok(Some(DueMigration { loads, plan, estimate }))
+        let accepted = self.trigger.accept(&loads, &plan, self.sweep_seconds)?;
+        Ok(accepted.map(|estimate| DueMigration { loads, plan, estimate }))
     }
 
     /// Moves the RVEs of a plan. Collective over the scale.

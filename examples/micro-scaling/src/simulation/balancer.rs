@@ -71,7 +71,7 @@ impl<'a> Balancer<'a> {
 
     fn by_the_text(&self, run: &mut Run) -> Result<(), BalanceError> {
         let loads = self.loads(run, &Iterations)?;
-        let plan = self.timed(run, || Greedy.plan(&loads))?;
+        let plan = Self::timed(self.case, run, || Greedy.plan(&loads))?;
         if !plan.is_empty() {
             self.migrate(run, &loads, &plan)?;
         }
@@ -81,15 +81,13 @@ impl<'a> Balancer<'a> {
     fn if_it_pays(&mut self, run: &mut Run) -> Result<(), BalanceError> {
         let before = run.totals.balancing();
         let loads = self.loads(run, &self.predictor)?;
-        let (plan, estimate) = self.timed(run, || {
+        let (case, trigger, seconds) = (self.case, &mut self.trigger, self.sweep_seconds);
+        let (plan, accepted) = Self::timed(case, run, || {
             let plan = Diffusive::default().plan(&loads)?;
-            let estimate = self.trigger.estimate(&loads, &plan, self.sweep_seconds)?;
-            Ok((plan, estimate))
+            let accepted = trigger.accept(&loads, &plan, seconds)?;
+            Ok((plan, accepted))
         })?;
-        if plan.is_empty() || !estimate.pays() {
-            self.trigger.declined();
-            return Ok(());
-        }
+        let Some(estimate) = accepted else { return Ok(()) };
         self.migrate(run, &loads, &plan)?;
         self.trigger.migrated(&loads, &plan, &estimate, run.totals.balancing() - before);
         Ok(())
@@ -107,10 +105,10 @@ impl<'a> Balancer<'a> {
     }
 
     /// Calls a planner, as every rank does, and measures its seconds.
-    fn timed<T>(&self, run: &mut Run, plan: impl FnOnce() -> Result<T, BalanceError>) -> Result<T, BalanceError> {
+    fn timed<T>(case: &Case, run: &mut Run, plan: impl FnOnce() -> Result<T, BalanceError>) -> Result<T, BalanceError> {
         let start = Instant::now();
         let planned = plan()?;
-        run.totals.planning += self.case.machine.core * start.elapsed().as_secs_f64();
+        run.totals.planning += case.machine.core * start.elapsed().as_secs_f64();
         Ok(planned)
     }
 

@@ -135,10 +135,11 @@ fn on_threads(case: &Case, scheme: Scheme) -> Vec<Vec<f64>> {
                 _ => None,
             };
             if let Some((loads, plan)) = planned {
-                let estimate = trigger.estimate(&loads, &plan, slowest)?;
-                if plan.is_empty() || (scheme == Scheme::Default && !estimate.pays()) {
-                    trigger.declined();
-                } else {
+                let accepted = match scheme {
+                    Scheme::Text => Some(trigger.estimate(&loads, &plan, slowest)?).filter(|_| !plan.is_empty()),
+                    _ => trigger.accept(&loads, &plan, slowest)?,
+                };
+                if let Some(estimate) = accepted {
                     let pack =
                         |at: usize| Message::join(vec![Message::of(&[histories[at]]), Message::of(&[units[at]])]);
                     let (migration, arrived) = migrate(&comm, plan.of(comm.rank()), &units, pack)?;

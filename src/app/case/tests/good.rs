@@ -167,6 +167,18 @@ fn output_of_networks_warns_if_there_are_none() {
 }
 
 #[test]
+fn keys_of_a_balance_without_a_planner_warn() {
+    let folder = Folder::new();
+    let case =
+        |balance: &str| folder.parse(&format!("{SMALL}[scales]\nmicro = 3\nbalance = {{ {balance} }}\n")).unwrap();
+    let read = case("planner = \"none\", when = \"step\"");
+    let said = "`scales.balance.when` has no effect: with `planner = \"none\"`, RVEs stay where they are";
+    assert_eq!(read.warnings, [format!("{}:7: {said}", folder.case().display())]);
+    assert_eq!(read.case.scales.balance, None);
+    assert!(case("planner = \"none\"").warnings.is_empty() && case("when = \"step\"").warnings.is_empty());
+}
+
+#[test]
 fn networks_are_found_sorted_and_each_once() {
     let folder = Folder::new();
     let odd = folder.path().join("networks/odd [1]*.txt");

@@ -126,7 +126,7 @@ pub(super) fn table(directory: &Directory) -> String {
     html.push_str("</tr></thead>\n<tbody>\n");
     steps.iter().for_each(|(step, scales)| html.push_str(&row(&step.to_string(), scales)));
     html.push_str("</tbody><tfoot>\n");
-    html.push_str(&row("total", &total(&steps.iter().map(|(_, scales)| *scales).collect::<Vec<_>>())));
+    html.push_str(&row("total", &ScalesLog::total(steps.iter().map(|(_, scales)| *scales))));
     html + "</tfoot></table></div>\n"
 }
 
@@ -155,62 +155,15 @@ fn row(name: &str, scales: &ScalesLog) -> String {
     format!("<tr><td>{}</td></tr>\n", cells.join("</td><td>"))
 }
 
-/// Returns the shares of all steps together.
-fn total(steps: &[&ScalesLog]) -> ScalesLog {
-    let of_scale = |scale: fn(&ScalesLog) -> &ScaleLog| {
-        let scales = || steps.iter().map(|step| scale(step));
-        let sum = |value: &dyn Fn(&ScaleLog) -> f64| scales().map(value).sum::<f64>();
-        let seconds = sum(&|scale| scale.seconds);
-        let mut total = ScaleLog { sweeps: scales().map(|scale| scale.sweeps).sum(), seconds, ..ScaleLog::default() };
-        if seconds > 0.0 {
-            total.idle_any = sum(&|scale| scale.seconds * scale.idle_any) / seconds;
-            total.idle_mean = sum(&|scale| scale.seconds * scale.idle_mean) / seconds;
-            total.max_over_mean = 1.0 / (1.0 - total.idle_mean);
-        }
-        total
-    };
-    let skills: Vec<f64> = steps.iter().filter_map(|step| step.skill).collect();
-    ScalesLog {
-        macro_scale: of_scale(|step| &step.macro_scale),
-        micro_scale: of_scale(|step| &step.micro_scale),
-        migrations: steps.iter().map(|step| step.migrations).sum(),
-        moved: steps.iter().map(|step| step.moved).sum(),
-        bytes: steps.iter().map(|step| step.bytes).sum(),
-        seconds_balancing: steps.iter().map(|step| step.seconds_balancing).sum(),
-        skill: (!skills.is_empty()).then(|| skills.iter().sum::<f64>() / skills.len() as f64),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// The total of steps equals the shares of all their evaluations.
-    #[test]
-    fn the_total_weights_steps_by_their_time() {
-        let sweeps = [vec![1.0, 3.0], vec![2.0, 2.0], vec![5.0, 10.0]];
-        let of_step = |sweeps: &[Vec<f64>]| ScalesLog {
-            micro_scale: ScaleLog::of(sweeps.iter().cloned()),
-            migrations: 1,
-            bytes: 5,
-            skill: Some(sweeps.len() as f64 / 2.0),
-            ..ScalesLog::default()
-        };
-        let total = total(&[&of_step(&sweeps[..2]), &of_step(&sweeps[2..])]);
-        let (found, all) = (total.micro_scale, ScaleLog::of(sweeps.into_iter()));
-        let numbers = |scale: ScaleLog| [scale.seconds, scale.idle_any, scale.idle_mean, scale.max_over_mean];
-        for (a, b) in numbers(found).into_iter().zip(numbers(all)) {
-            assert!((a - b).abs() < 1e-12, "{found:?} {all:?}");
-        }
-        assert_eq!((found.sweeps, total.migrations, total.bytes, total.skill), (3, 2, 10, Some(0.75)));
-        assert_eq!(total.macro_scale, ScaleLog::default());
-    }
 
     #[test]
     fn a_step_without_times_has_a_row_without_ratios() {
         // Both ratios, and the skill.
         let row = |scales: &ScalesLog| row("1", scales);
         assert_eq!(row(&ScalesLog::default()).matches("<td>\u{2013}</td>").count(), 3);
-        assert_eq!(row(&total(&[&ScalesLog::default()])).matches("<td>\u{2013}</td>").count(), 3);
+        assert_eq!(row(&ScalesLog::total([&ScalesLog::default()])).matches("<td>\u{2013}</td>").count(), 3);
     }
 }
