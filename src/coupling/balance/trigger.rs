@@ -219,7 +219,7 @@ mod tests {
         assert!((estimate.gain - 0.6).abs() < 1e-12 && (estimate.cost - 0.01).abs() < 1e-9, "{estimate:?}");
         assert_eq!(trigger.accept(&loads, &plan, 0.3).unwrap(), Some(estimate));
         assert_eq!(trigger.accept(&loads, &plan, 0.004).unwrap(), None);
-        assert_eq!(trigger.accept(&loads, &MigrationPlan::default(), 0.3).unwrap(), None, "nothing moves");
+        assert_eq!(trigger.accept(&loads, &MigrationPlan::new(2), 0.3).unwrap(), None, "nothing moves");
         // Migrations turn out to take a second.
         (0..6).for_each(|_| trigger.migrated(&loads, &plan, &estimate, 1.0));
         assert_eq!(trigger.accept(&loads, &plan, 0.3).unwrap(), None);

@@ -173,7 +173,7 @@ fn keys_of_a_balance_without_a_planner_warn() {
         |balance: &str| folder.parse(&format!("{SMALL}[scales]\nmicro = 3\nbalance = {{ {balance} }}\n")).unwrap();
     let read = case("planner = \"none\", when = \"step\"");
     let said = "`scales.balance.when` has no effect: with `planner = \"none\"`, RVEs stay where they are";
-    assert_eq!(read.warnings, [format!("{}:7: {said}", folder.case().display())]);
+    assert_eq!(read.warnings, [format!("{}:8: {said}", folder.case().display())]);
     assert_eq!(read.case.scales.balance, None);
     assert!(case("planner = \"none\"").warnings.is_empty() && case("when = \"step\"").warnings.is_empty());
 }
