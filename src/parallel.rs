@@ -5,7 +5,7 @@
 //! calling thread.
 
 use std::cell::Cell;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 #[cfg(any(feature = "app", test))]
 use std::sync::{Mutex, PoisonError};
 
@@ -96,18 +96,27 @@ pub(crate) fn collect<R: Send>(len: usize, work: impl Fn(usize) -> R + Sync + Se
     (0..len).into_par_iter().with_min_len(LEAST_ITEMS).map(work).collect()
 }
 
-/// Returns the results of `work` for `0..len`, in order.
+/// Returns the results of `work` for `0..len`, in order. `placeholder` is any value; it takes the place of a result that is
+/// missing until the error is found.
 ///
 /// # Errors
 /// Returns the error of the first number, in order, that has one. After an error, `work` is called again.
-pub(crate) fn try_collect<R: Send, E: Send>(
+pub(crate) fn try_collect<R: Clone + Send + Sync, E>(
     len: usize,
+    placeholder: R,
     work: impl Fn(usize) -> Result<R, E> + Sync + Send,
 ) -> Result<Vec<R>, E> {
+    let has_failed = AtomicBool::new(false);
     if threads() > 1 && len >= LEAST_ITEMS {
-        let all: Result<Vec<R>, E> = (0..len).into_par_iter().with_min_len(LEAST_ITEMS).map(&work).collect();
-        if all.is_ok() {
-            return all;
+        // Unlike `Result<Vec<R>, E>`, every thread writes its results where they stay.
+        let all = collect(len, |number| {
+            work(number).unwrap_or_else(|_| {
+                has_failed.store(true, Ordering::Relaxed);
+                placeholder.clone()
+            })
+        });
+        if !has_failed.into_inner() {
+            return Ok(all);
         }
     }
     (0..len).map(work).collect()
@@ -156,14 +165,16 @@ pub(crate) mod tests {
             assert_eq!(on_pools(|| try_each(0..1000, fails_at)), [Err(37); 3]);
         }
         assert_eq!(on_pools(|| try_each(0..1000, |_| Ok::<(), ()>(()))), [Ok(()); 3]);
-        for squares in on_pools(|| [collect(10_000, |k| k * k), try_collect(10_000, |k| Ok::<_, ()>(k * k)).unwrap()]) {
+        for squares in
+            on_pools(|| [collect(10_000, |k| k * k), try_collect(10_000, 0, |k| Ok::<_, ()>(k * k)).unwrap()])
+        {
             assert!(squares.iter().all(|squares| squares.iter().enumerate().all(|(k, &square)| square == k * k)));
         }
         for squares in on_pools(|| take_in_turn((0..1000).collect(), |k: usize| k * k)) {
             assert!(squares.into_iter().eq((0..1000).map(|k| k * k)));
         }
         let fails_late = |k: usize| if k % 5000 == 3777 { Err(k) } else { Ok(()) };
-        assert_eq!(on_pools(|| try_collect(10_000, fails_late)), [const { Err(3777) }; 3]);
+        assert_eq!(on_pools(|| try_collect(10_000, (), fails_late)), [const { Err(3777) }; 3]);
     }
 
     #[test]

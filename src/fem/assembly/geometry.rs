@@ -139,10 +139,11 @@ impl<const N: usize, const Q: usize> Block<N, Q> {
                 (block.range().start + number, nodes[number].map(|node| mesh.nodes()[node as usize]));
             element::geometry::<E, N, Q>(&positions).map_err(|reason| GeometryError { element, reason })
         };
+        let placeholder = [PointGeometry { volume: 0.0, gradients: [[0.0; 3]; N] }; Q];
         Ok(Self {
             chunks: ElementChunk::all(nodes),
             nodes: nodes.to_vec(),
-            points: parallel::try_collect(nodes.len(), of_element)?,
+            points: parallel::try_collect(nodes.len(), placeholder, of_element)?,
             first_point: mesh.points().of_element(block.range().start).start,
         })
     }

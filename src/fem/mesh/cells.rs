@@ -85,6 +85,12 @@ impl<T: CellType> Cells<T> {
         }
     }
 
+    /// Creates cells of one type.
+    fn of_type(cell_type: T, nodes: Vec<u32>) -> Self {
+        let block = (!nodes.is_empty()).then_some(Block { cell_type, first: 0, nodes });
+        Self { blocks: block.into_iter().collect() }
+    }
+
     /// Appends the cells of `other`.
     pub fn extend(&mut self, other: &Self) {
         other.typed().for_each(|(cell_type, nodes)| self.push(cell_type, nodes));
@@ -201,14 +207,14 @@ impl<'a, T: CellType> FromIterator<(T, &'a [u32])> for Cells<T> {
 /// Linear tetrahedra.
 impl From<Vec<[u32; 4]>> for Elements {
     fn from(nodes: Vec<[u32; 4]>) -> Self {
-        nodes.iter().map(|nodes| (ElementType::Tet4, nodes.as_slice())).collect()
+        Self::of_type(ElementType::Tet4, nodes.into_flattened())
     }
 }
 
 /// Linear triangles.
 impl From<Vec<[u32; 3]>> for Faces {
     fn from(nodes: Vec<[u32; 3]>) -> Self {
-        nodes.iter().map(|nodes| (FaceType::Tri3, nodes.as_slice())).collect()
+        Self::of_type(FaceType::Tri3, nodes.into_flattened())
     }
 }
 

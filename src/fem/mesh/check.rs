@@ -6,10 +6,14 @@ use thiserror::Error;
 
 use super::Mesh;
 use super::measure::longest_edge;
+use crate::parallel;
 
 /// An element is flat if its volume is at most this factor times the cube of its longest edge: such a volume can be due
 /// to rounding of the coordinates alone. The same holds for the volume of each integration point in proportion.
 pub(super) const FLAT: f64 = 1e-12;
+
+/// The number of elements that a task checks.
+const ELEMENTS_PER_TASK: usize = 4096;
 
 /// A violation of the invariants of [`Mesh`]. Indices count from 0.
 #[derive(Clone, Debug, Error, PartialEq)]
@@ -190,24 +194,38 @@ pub(super) fn nodes(mesh: &Mesh) -> Result<(), MeshError> {
 /// Checks that the nodes of each element exist and differ, that its volume is positive at every integration point, and
 /// that all nodes are used.
 pub(super) fn elements(mesh: &Mesh) -> Result<(), MeshError> {
-    let count = mesh.nodes.len();
-    let mut used = vec![false; count];
-    for (element, nodes) in mesh.elements.iter().enumerate() {
-        for (k, &node) in nodes.iter().enumerate() {
-            let Some(used) = used.get_mut(node as usize) else {
-                return Err(MeshError::ElementNode { element, node, nodes: count });
-            };
-            *used = true;
-            if nodes[..k].contains(&node) {
-                return Err(MeshError::RepeatedNode { element, node });
-            }
-        }
-        volume(mesh, element)?;
+    let mut used = vec![false; mesh.nodes.len()];
+    let failed = mesh.elements.iter().enumerate().find_map(|(element, nodes)| {
+        let error = indices(element, nodes, &mut used).err()?;
+        Some((element, error))
+    });
+    // The error is that of the first element that has one.
+    let with_nodes = failed.as_ref().map_or(mesh.elements.len(), |&(element, _)| element);
+    parallel::try_each((0..with_nodes).step_by(ELEMENTS_PER_TASK), |first| {
+        (first..with_nodes.min(first + ELEMENTS_PER_TASK)).try_for_each(|element| volume(mesh, element))
+    })?;
+    if let Some((_, error)) = failed {
+        return Err(error);
     }
     match used.iter().position(|used| !used) {
         Some(first) => Err(MeshError::UnusedNodes { count: used.iter().filter(|used| !**used).count(), first }),
         None => Ok(()),
     }
+}
+
+/// Checks that the nodes of an element exist and differ, and marks them.
+fn indices(element: usize, nodes: &[u32], used: &mut [bool]) -> Result<(), MeshError> {
+    let count = used.len();
+    for (k, &node) in nodes.iter().enumerate() {
+        let Some(used) = used.get_mut(node as usize) else {
+            return Err(MeshError::ElementNode { element, node, nodes: count });
+        };
+        *used = true;
+        if nodes[..k].contains(&node) {
+            return Err(MeshError::RepeatedNode { element, node });
+        }
+    }
+    Ok(())
 }
 
 /// Checks that the volume of an element is positive, as a whole and at every integration point.

@@ -2,6 +2,7 @@
 
 use super::{Mesh, MeshError, Surface, check};
 use crate::fem::element::{CellType, ElementType, FaceType};
+use crate::parallel;
 
 pub(super) fn difference(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
@@ -138,16 +139,19 @@ impl Mesh {
     /// # Panics
     /// Panics if there are fewer displacements than nodes.
     pub fn deformed_region_volumes(&self, displacements: &[[f64; 3]]) -> Vec<f64> {
+        let deformed = |&node: &u32| {
+            let (x, u) = (self.nodes[node as usize], displacements[node as usize]);
+            [x[0] + u[0], x[1] + u[1], x[2] + u[2]]
+        };
+        let of_elements = parallel::collect(self.elements.len(), |element| {
+            let positions: Vec<[f64; 3]> = self.elements[element].iter().map(deformed).collect();
+            signed_volume(self.elements.cell_type(element), &positions)
+        });
         let mut volumes = vec![0.0; self.regions.len()];
-        let mut positions = Vec::new();
-        let elements = self.elements.typed().zip(&self.region_of).enumerate();
-        for (_, ((element_type, nodes), &region)) in elements.filter(|(element, _)| self.is_own_element(*element)) {
-            positions.clear();
-            positions.extend(nodes.iter().map(|&node| {
-                let (x, u) = (self.nodes[node as usize], displacements[node as usize]);
-                [x[0] + u[0], x[1] + u[1], x[2] + u[2]]
-            }));
-            volumes[region as usize] += signed_volume(element_type, &positions);
+        for (element, (volume, &region)) in of_elements.into_iter().zip(&self.region_of).enumerate() {
+            if self.is_own_element(element) {
+                volumes[region as usize] += volume;
+            }
         }
         volumes
     }

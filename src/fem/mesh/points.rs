@@ -137,7 +137,14 @@ impl PointNumbering {
     /// # Panics
     /// Panics if there are fewer values than elements.
     pub fn spread<T: Copy>(&self, of_elements: &[T]) -> Vec<T> {
-        (0..self.elements).flat_map(|element| self.of_element(element).map(move |_| of_elements[element])).collect()
+        let mut of_points = Vec::with_capacity(self.points);
+        let ends = self.blocks.iter().skip(1).map(|block| block.first_element).chain([self.elements]);
+        for (block, end) in self.blocks.iter().zip(ends) {
+            for &value in &of_elements[block.first_element..end] {
+                of_points.extend(std::iter::repeat_n(value, block.per_element));
+            }
+        }
+        of_points
     }
 }
 

@@ -91,12 +91,12 @@ impl Sites {
     /// Returns [`LibraryError`] if a region of the mesh has no material.
     pub fn new<B: RealBackend>(library: &Library<B>, mesh: &Mesh) -> Result<Self, LibraryError> {
         let regions = mesh.points().spread(&library.regions_of_mesh(mesh)?);
-        let site = |(point, region)| {
+        let mut sites = Vec::with_capacity(regions.len());
+        for (point, region) in regions.into_iter().enumerate() {
             let material = library.of_point(region, mesh.points().in_whole(point));
             let material = material.ok_or_else(|| library.no_formula(region, mesh.points().locate(point)))?;
-            Ok(Site::new(region, material))
-        };
-        let sites = regions.into_iter().enumerate().map(site).collect::<Result<Vec<Site>, LibraryError>>()?;
+            sites.push(Site::new(region, material));
+        }
         let mut at_rest = vec![None; library.models().len()];
         for rve in sites.iter().filter_map(Site::rve) {
             if let (Some(model), Some(lifecycle)) = (rve.model, &rve.lifecycle)

@@ -51,7 +51,7 @@ pub(super) fn diagonals<T: Sync>(a: &BlockMatrix<T>) -> Result<Vec<u32>, Singula
         let found = a.columns[range].binary_search(&(row as u32));
         found.map(|at| a.offsets[row] + at as u32).map_err(|_| SingularBlock { row })
     };
-    parallel::try_collect(a.rows(), of_row)
+    parallel::try_collect(a.rows(), 0, of_row)
 }
 
 /// Returns the inverse of each diagonal block, with `addition(row, unknown)` added to its diagonal.
