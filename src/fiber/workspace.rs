@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use super::deformation_path::polar_decomposition;
+use super::equilibrium::StageInProgress;
 use super::rve::{Rve, RveModel, Sensitivities, transform};
 use super::truss::FiberStates;
 use crate::las::{Backend, NewtonSystem, RealBackend, SolveError, Sparsity};
@@ -29,6 +30,8 @@ pub struct Workspace<B: Backend> {
     pub(super) diagonal: Vec<[f64; 9]>,
     /// Whether the solver holds the factor of the unshifted stiffness at `positions`.
     pub(super) factor_is_exact: bool,
+    /// The stage of the solution.
+    pub(super) stage: Arc<StageInProgress>,
     /// Right-hand sides and solutions of the tangent, one per mode.
     pub(super) mode_loads: Vec<B::Vector>,
     pub(super) mode_solutions: Vec<B::Vector>,
@@ -55,11 +58,17 @@ impl<B: RealBackend> Workspace<B> {
             states: FiberStates::default(),
             diagonal: Vec::with_capacity(interior),
             factor_is_exact: false,
+            stage: Arc::default(),
             mode_loads: vectors()?,
             mode_solutions: vectors()?,
             sensitivities: vec![[0.0; 3 * MODES]; nodes],
             force_sensitivities: vec![[0.0; 3 * MODES]; nodes],
         })
+    }
+
+    /// Reports the stages of solutions in `stage`, which other threads may read.
+    pub fn report_stages(&mut self, stage: Arc<StageInProgress>) {
+        self.stage = stage;
     }
 
     /// Returns true if the workspace was made for this model.

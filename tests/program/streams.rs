@@ -3,7 +3,7 @@
 use std::io::{BufRead, BufReader};
 use std::process::Stdio;
 
-use crate::run::{PRESSED, write_case};
+use crate::run::{PRESSED, fibers, run, write_case};
 use crate::{biotissue, frozen, line, program};
 
 #[test]
@@ -70,4 +70,23 @@ fn warnings_are_not_printed_on_stdout() {
     let info = biotissue(folder.path(), &["network", "info", "more.txt", "--json"]);
     assert_eq!(info.object()["warnings"].as_array().unwrap().len(), 1);
     assert!(info.stderr.starts_with("warning: more.txt"), "{}", info.stderr);
+}
+
+/// A long step is not silent; a run whose steps are short prints no more than one line for each.
+#[test]
+fn long_steps_report_what_their_rves_do() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = fibers(&frozen()).replace("cells = [1, 1, 1]", "cells = [6, 6, 5]");
+    let done = run(folder.path(), &text, "--progress 0.02 --threads 1");
+    done.done();
+    let is_beat = |line: &&str| line.contains(" of 1080 RVEs done, ");
+    let beats: Vec<&str> = done.stderr.lines().filter(is_beat).collect();
+    assert!(beats.iter().any(|line| line.contains("the slowest, of element ")), "{}", done.stderr);
+    assert!(beats.iter().any(|line| line.contains("(stage: newton)")), "{}", done.stderr);
+    assert!(beats.iter().any(|line| line.starts_with("step 2/2 to t = 1.0000: iteration ")), "{}", done.stderr);
+    let short = run(folder.path(), &fibers(&frozen()), "");
+    short.done();
+    assert!(!short.stderr.contains("RVEs done"), "{}", short.stderr);
+    let failed = run(folder.path(), &text, "--progress 0");
+    assert!(failed.failed(2).contains("invalid --progress 0"), "{}", failed.stderr);
 }

@@ -44,7 +44,7 @@ use crate::fem::equilibrium::EquilibriumError;
 use crate::fem::mesh::Mesh;
 use crate::fem::stepping::{StepFailure, Stepper, SteppingError};
 use crate::las::{NewtonError, RealBackend};
-use crate::tissue::micro_scale::{TissueField, TissueFieldError, TissueMaterial};
+use crate::tissue::micro_scale::{Activity, TissueField, TissueFieldError, TissueMaterial};
 
 /// A body and its networks, set up to step through the loads.
 ///
@@ -88,6 +88,11 @@ impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
     /// Returns the mesh, in meters; the part of this process if the body is divided.
     pub fn mesh(&self) -> &Mesh {
         self.stepper.mesh()
+    }
+
+    /// Returns what the threads of this process do with its RVEs; `None` if other ranks solve them.
+    pub fn activity(&self) -> Option<Arc<Activity>> {
+        self.stepper.field().activity()
     }
 
     /// Returns the size of the problem.

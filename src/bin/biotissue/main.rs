@@ -22,6 +22,7 @@ mod dispatch;
 mod error_hints;
 mod failure;
 mod fiber_type;
+mod heartbeat;
 mod increments;
 mod info;
 mod interrupt;

@@ -4,6 +4,7 @@ use std::io::IsTerminal;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::time::Duration;
 
 use biotissue::app::Progress;
 use biotissue::app::results::log::{Cut, Step};
@@ -13,12 +14,14 @@ use biotissue::las::RealBackend;
 use biotissue::tissue::micro_scale::TissueMaterial;
 use indicatif::{ProgressBar, ProgressStyle};
 
+use crate::heartbeat::Heartbeat;
 use crate::interrupt::{self, Interrupted};
 use crate::output;
 
-/// Shows a progress bar on a terminal, otherwise one line per step.
+/// Shows a progress bar on a terminal, otherwise one line per step, and more during a long one.
 pub struct Reporter {
     bar: Option<ProgressBar>,
+    heartbeat: Heartbeat,
     count: usize,
     completed_steps: Arc<AtomicUsize>,
     saved_steps: Arc<AtomicUsize>,
@@ -26,11 +29,13 @@ pub struct Reporter {
 }
 
 impl Reporter {
-    /// Starts the report of a run with the result directory `dir`, after `completed_steps` converged steps.
+    /// Starts the report of a run with the result directory `dir`, after `completed_steps` converged steps. Without a
+    /// terminal, a line is printed at least every `report_every`.
     pub fn new<B: RealBackend, M: TissueMaterial>(
         simulation: &Simulation<B, M>,
         dir: &Path,
         completed_steps: usize,
+        report_every: Duration,
     ) -> Self {
         let size = &simulation.problem_size();
         let ProblemSize { elements, unknowns, rves, threads, ranks: [macro_ranks, micro_ranks], .. } = size;
@@ -50,9 +55,15 @@ impl Reporter {
             let bar = ProgressBar::new(size.steps as u64);
             // The duration cannot be estimated before the first step.
             set_style(&bar, "{bar:32} step {pos}/{len} {elapsed}");
-            bar.enable_steady_tick(std::time::Duration::from_millis(200));
+            bar.enable_steady_tick(Duration::from_millis(200));
             bar
         });
+        let activity = simulation.activity();
+        let heartbeat = match bar.clone() {
+            Some(bar) => Heartbeat::start(BAR_EVERY, activity, move |text| bar.set_message(format!("({text})"))),
+            None => Heartbeat::start(report_every, activity, output::message),
+        };
+        heartbeat.begin(format!("step {}/{}", completed_steps + 1, size.steps));
         let saved_steps = Arc::new(AtomicUsize::new(completed_steps));
         let completed_steps = Arc::new(AtomicUsize::new(completed_steps));
         let is_interrupted = Arc::new(AtomicBool::new(false));
@@ -64,7 +75,7 @@ impl Reporter {
             is_interrupted: Arc::clone(&is_interrupted),
             bar: bar.clone(),
         });
-        Self { bar, count: size.steps, completed_steps, saved_steps, is_interrupted }
+        Self { bar, heartbeat, count: size.steps, completed_steps, saved_steps, is_interrupted }
     }
 
     fn message(&self, line: &str) {
@@ -80,6 +91,9 @@ impl Reporter {
         }
     }
 }
+
+/// How often the bar shows what the RVEs do.
+const BAR_EVERY: Duration = Duration::from_secs(1);
 
 /// The largest relative residual of a converged step that is not due to rounding; tolerances are below it.
 const LARGEST_RELATIVE: f64 = 0.1;
@@ -126,25 +140,30 @@ impl Progress for Reporter {
             }
             None => output::message(&line),
         }
+        self.heartbeat.begin(format!("step {}/{}", step.step + 1, self.count));
     }
 
     fn iterating(&mut self, iteration: &Iterating<'_>) {
-        let Some(bar) = &self.bar else { return };
         let Iterating { step, t, newton, .. } = iteration;
         let linear = match newton.linear_solves.last() {
             Some(last) => format!(", linear solver {} iterations to {:.0e}", last.iterations, last.residual),
             None => String::new(),
         };
         let residual = newton.relative.last().copied().unwrap_or(0.0);
-        set_style(bar, "{bar:32} step {pos}/{len} {elapsed} {msg}");
-        bar.set_message(format!(
-            "(step {step} to t = {t:.4}: iteration {}, residual {residual:.1e}{linear})",
-            newton.iterations
-        ));
+        let text = format!(
+            "step {step}/{} to t = {t:.4}: iteration {}, residual {residual:.1e}{linear}",
+            self.count, newton.iterations
+        );
+        if let Some(bar) = &self.bar {
+            set_style(bar, "{bar:32} {elapsed} {msg}");
+            bar.set_message(format!("({text})"));
+        }
+        self.heartbeat.update(text);
     }
 
     fn failed(&mut self, cut: &Cut) {
         self.message(&format!("step {}/{} to t = {:.4} failed: {}", cut.step, self.count, cut.t, cut.reason));
+        self.heartbeat.begin(format!("step {}/{}, repeated in shorter increments", cut.step, self.count));
     }
 
     fn saved(&mut self, step: usize) {

@@ -52,6 +52,9 @@ pub struct RunCommand {
     /// the case says otherwise; not under mpirun, which starts them itself [default: those of [scales], else 1]
     #[arg(long, value_name = "N", value_parser = count, allow_hyphen_values = true)]
     ranks: Option<usize>,
+    /// Without a terminal: the most seconds between two lines about a load step in progress
+    #[arg(long, value_name = "SECONDS", default_value_t = 30.0, allow_hyphen_values = true)]
+    progress: f64,
     /// Print the summary as one JSON object
     #[arg(long)]
     json: bool,
@@ -82,17 +85,19 @@ pub fn run(command: RunCommand) -> Result<(), Failure> {
     }
     let config = command.config()?;
     let time_out = command.time_out()?;
+    let report_every = command.report_every()?;
     let case = read(&command.case)?;
     output::warn(&config.warnings_for(&case));
     let dir = command.dir(&case, &config);
     command.common.start_threads()?;
-    let (backend, resume, plan) = (command.common.backend(), command.resume, config.plan);
+    let (backend, plan) = (command.common.backend(), config.plan);
+    let steps = StepOptions { dir: &dir, resume: command.resume, report_every };
     // A single process started by mpirun is one rank.
     let requested = command.ranks.or_else(ranks::started_by_mpirun);
     let summary = match ranks::of_threads(requested, case.scales, plan.as_ref().map(|(plan, _)| plan)) {
-        None => dispatch(backend, RunJob { case, dir: &dir, resume })?,
+        None => dispatch(backend, RunJob { case, steps })?,
         Some(count) if count > MAX_THREADS => return Err(too_many_ranks(count)),
-        Some(count) => ranks::on_threads(count, &RunContext { case, dir: &dir, resume, backend, plan, time_out })?,
+        Some(count) => ranks::on_threads(count, &RunContext { case, steps, backend, plan, time_out })?,
     };
     print_summary(&summary, &dir, command.json)
 }
@@ -124,6 +129,17 @@ impl RunCommand {
                 format!("invalid --time-out {seconds}"),
                 "seconds above 0",
                 "leave --time-out out to wait indefinitely",
+            )),
+        }
+    }
+
+    fn report_every(&self) -> Result<Duration, Failure> {
+        match Duration::try_from_secs_f64(self.progress) {
+            Ok(every) if every >= Duration::from_millis(10) => Ok(every),
+            _ => Err(Failure::arguments(
+                format!("invalid --progress {}", self.progress),
+                "at least 0.01 seconds",
+                "leave --progress out for a line every 30 seconds",
             )),
         }
     }
@@ -245,21 +261,22 @@ fn run_on_processes(processes: usize, command: RunCommand) -> Result<(), Failure
             started()?;
             // Processes share the cores of a machine: one thread each by default.
             Common { threads: command.common.threads.or(Some(1)), backend: None }.start_threads()?;
-            Ok((command.config()?, command.time_out()?, Case::read(&command.case)?))
+            Ok((command.config()?, (command.time_out()?, command.report_every()?), Case::read(&command.case)?))
         };
-        let (config, time_out, case) = match ranks::agreed(&world, read())? {
-            Ok((config, time_out, read)) => {
+        let (config, (time_out, report_every), case) = match ranks::agreed(&world, read())? {
+            Ok((config, times, read)) => {
                 if is_root {
                     output::warn(&read.warnings);
                     output::warn(&config.warnings_for(&read.case));
                 }
-                (config, time_out, read.case)
+                (config, times, read.case)
             }
             Err(failure) => return Ok(if is_root { Err(failure) } else { Ok(()) }),
         };
         let dir = command.dir(&case, &config);
-        let (backend, resume, plan) = (command.common.backend(), command.resume, config.plan);
-        let run = RunContext { case, dir: &dir, resume, backend, plan, time_out };
+        let (backend, plan) = (command.common.backend(), config.plan);
+        let steps = StepOptions { dir: &dir, resume: command.resume, report_every };
+        let run = RunContext { case, steps, backend, plan, time_out };
         Ok(match ranks::on_processes(&world, &run)? {
             Some(outcome) => outcome.and_then(|summary| print_summary(&summary, &dir, command.json)),
             None => Ok(()),
@@ -278,10 +295,20 @@ fn run_on_processes(processes: usize, _: RunCommand) -> Result<(), Failure> {
     ))
 }
 
+/// How the steps of a run are taken.
+#[derive(Clone, Copy)]
+pub struct StepOptions<'a> {
+    /// The result directory.
+    pub dir: &'a Path,
+    /// Whether to continue after the last converged step in that directory.
+    pub resume: bool,
+    /// The longest time between two lines of progress without a terminal.
+    pub report_every: Duration,
+}
+
 struct RunJob<'a> {
     case: Case,
-    dir: &'a Path,
-    resume: bool,
+    steps: StepOptions<'a>,
 }
 
 #[derive(Serialize)]
@@ -303,7 +330,7 @@ impl Job for RunJob<'_> {
     type Output = Summary;
 
     fn run<B: ProgramBackend>(self, context: B::Context) -> Result<Summary, Failure> {
-        take_steps(&mut simulation::<B>(context, self.case)?, &(), self.dir, self.resume)
+        take_steps(&mut simulation::<B>(context, self.case)?, &(), self.steps)
     }
 }
 
@@ -311,8 +338,7 @@ impl Job for RunJob<'_> {
 pub fn take_steps<B: ProgramBackend, M: TissueMaterial>(
     simulation: &mut Simulation<B, M>,
     writers: &dyn WriterGroup,
-    dir: &Path,
-    resume: bool,
+    StepOptions { dir, resume, report_every }: StepOptions<'_>,
 ) -> Result<Summary, Failure> {
     let mut completed_steps = 0;
     if !resume {
@@ -333,7 +359,7 @@ pub fn take_steps<B: ProgramBackend, M: TissueMaterial>(
         ));
     }
     // Only the rank that writes reports progress.
-    let mut progress = writers.is_writer().then(|| Reporter::new(simulation, dir, completed_steps));
+    let mut progress = writers.is_writer().then(|| Reporter::new(simulation, dir, completed_steps, report_every));
     let outcome = match &mut progress {
         Some(reporter) => simulation.run_among(writers, dir, reporter),
         None => simulation.run_among(writers, dir, &mut ()),

@@ -45,7 +45,7 @@ mod state;
 use nalgebra::Matrix3;
 
 pub use continuation::converges_to;
-pub use params::{EquilibriumParams, RelaxationSwitch, Stage, Stages};
+pub use params::{EquilibriumParams, RelaxationSwitch, Stage, StageInProgress, Stages};
 pub use report::{EquilibriumReport, ExcessiveForce, RveError, StageError, StageFailure};
 pub use state::EquilibriumState;
 
@@ -145,6 +145,7 @@ struct EquilibriumSolver<'a, B: Backend> {
 impl<B: RealBackend> EquilibriumSolver<'_, B> {
     fn try_newton(&mut self, rve: &mut Rve) -> bool {
         let saddles = self.report.saddles;
+        self.workspace.stage.set(Some(Stage::Newton));
         match self.increment(rve, self.target) {
             Ok(newton) => {
                 self.report.newton = newton;
@@ -177,7 +178,10 @@ impl<B: RealBackend> EquilibriumSolver<'_, B> {
 
     /// Tries the stages after the first.
     fn try_remaining_stages(&mut self, rve: &mut Rve) -> bool {
-        let may_try = |this: &Self, stage| this.params.stages.has(stage) && !this.has_excessive_force();
+        let may_try = |this: &Self, stage| {
+            this.workspace.stage.set(Some(stage));
+            this.params.stages.has(stage) && !this.has_excessive_force()
+        };
         (may_try(self, Stage::Regularized) && self.regularized(rve))
             || (may_try(self, Stage::Cuts) && self.params.max_cuts > 0 && self.solve_by_substepping(rve))
             || (may_try(self, Stage::Relaxation) && self.solve_by_relaxation(rve))

@@ -1,5 +1,7 @@
 //! Parameters of the equilibrium solve: stages, tolerances and limits.
 
+use std::sync::atomic::{AtomicU8, Ordering};
+
 use crate::fiber::dynamic_relaxation::RelaxationParams;
 use crate::las::{NewtonParams, RegularizedParams};
 
@@ -35,6 +37,24 @@ impl Stage {
     pub fn named(name: &str) -> Option<Self> {
         let name = if name == "regularised" { "regularized" } else { name };
         Self::ALL.into_iter().find(|stage| stage.name() == name)
+    }
+}
+
+/// The stage in which a solution is, for another thread that reports progress.
+#[derive(Debug, Default)]
+pub struct StageInProgress(AtomicU8);
+
+impl StageInProgress {
+    /// Returns the stage; `None` before the first one.
+    pub fn get(&self) -> Option<Stage> {
+        let number = usize::from(self.0.load(Ordering::Relaxed));
+        number.checked_sub(1).and_then(|number| Stage::ALL.get(number)).copied()
+    }
+
+    /// Sets the stage.
+    pub fn set(&self, stage: Option<Stage>) {
+        let number = stage.and_then(|stage| Stage::ALL.iter().position(|&other| other == stage));
+        self.0.store(number.map_or(0, |number| number as u8 + 1), Ordering::Relaxed);
     }
 }
 

@@ -7,6 +7,8 @@
 //! | `unit`, `worker` | one RVE; the scratch memory of one thread |
 //! | `units` | the RVEs of one rank, solved on its threads |
 //! | `sites` | the material of each point: a formula, an RVE, or the substitute of an RVE that is not awake |
+//! | `activity` | what the threads are doing, for a report of progress |
+//! | `processor_time` | the time that a thread computes |
 //! | `costs` | what each RVE cost in each sweep |
 //! | `lifecycle` | when an RVE is created, sleeps, wakes and is deleted |
 //! | `moving` | an RVE on the way to another rank |
@@ -15,12 +17,14 @@
 //! | `pieces` | the files of a checkpoint with the states of the RVEs of one rank |
 //! | this one | the body in one process ([`TissueField`]), and the interface to a run ([`TissueMaterial`]) |
 
+mod activity;
 mod costs;
 mod error;
 mod library;
 mod lifecycle;
 mod moving;
 pub(super) mod pieces;
+mod processor_time;
 mod raw;
 mod sampled;
 mod saved;
@@ -32,6 +36,7 @@ mod worker;
 
 use std::collections::{HashMap, HashSet};
 use std::path::Path;
+use std::sync::Arc;
 
 use nalgebra::Matrix3;
 
@@ -41,6 +46,7 @@ use crate::las::{Backend, RealBackend};
 use crate::tissue::materials::Materials;
 use crate::tissue::two_scale::{BalanceReport, RankTimes};
 
+pub use activity::{Activity, RveProgress, SlowestRve};
 pub use costs::RveCost;
 pub use error::{PointFailure, PointFailureKind, TissueFieldError};
 pub use library::{Library, LibraryError, PointMaterial};
@@ -91,6 +97,11 @@ pub trait TissueMaterial: PointField<Error = TissueFieldError> {
 
     /// Returns what each RVE cost since the last call, per trial state; empty unless it is kept.
     fn take_costs(&self) -> Vec<Vec<RveCost>>;
+
+    /// Returns what the threads of this process do with its RVEs; `None` if other ranks solve them.
+    fn activity(&self) -> Option<Arc<Activity>> {
+        None
+    }
 
     /// Returns the RVE that made the last update fail; a second call returns `None`.
     fn take_failed_rve(&self) -> Option<FailedRve>;
@@ -271,6 +282,10 @@ impl<B: RealBackend> TissueMaterial for TissueField<B> {
 
     fn take_costs(&self) -> Vec<Vec<RveCost>> {
         self.units.take_costs()
+    }
+
+    fn activity(&self) -> Option<Arc<Activity>> {
+        Some(Arc::clone(self.units.activity()))
     }
 
     fn take_failed_rve(&self) -> Option<FailedRve> {

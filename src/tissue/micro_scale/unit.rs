@@ -1,11 +1,11 @@
 //! One RVE at one integration point: its states, its last response, and its cost.
 
 use std::sync::Arc;
-use std::time::Instant;
 
 use nalgebra::Matrix3;
 
 use super::library::Library;
+use super::processor_time::ProcessorTime;
 use super::worker::Worker;
 use crate::coupling::balance::Cost;
 use crate::fem::material::{MaterialError, Response};
@@ -112,7 +112,7 @@ pub struct RveStats {
     pub replaced: usize,
     /// Steps of dynamic relaxation in total.
     pub relaxation_steps: usize,
-    /// Solve time summed over all workers, s.
+    /// Processor time of all solutions, s.
     pub seconds: f64,
 }
 
@@ -191,9 +191,9 @@ impl Unit {
             stats.reused += 1;
             return Ok(*response);
         }
-        let start = Instant::now();
+        let start = ProcessorTime::now();
         let outcome = self.solve(gradient, library, worker, stats);
-        stats.seconds += start.elapsed().as_secs_f64();
+        stats.seconds += start.seconds();
         let response = outcome?;
         self.response = Some((*gradient, response));
         Ok(response)
@@ -234,9 +234,9 @@ impl Unit {
         if fibers.origin != Origin::Trial {
             return Ok(false);
         }
-        let start = Instant::now();
+        let start = ProcessorTime::now();
         let outcome = self.solve_again(gradient, library, worker, stats);
-        stats.seconds += start.elapsed().as_secs_f64();
+        stats.seconds += start.seconds();
         outcome
     }
 

@@ -8,6 +8,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use nalgebra::Matrix3;
 use rayon::prelude::*;
 
+use super::activity::Activity;
 use super::costs::{KeptCosts, RveCost};
 use super::error::PointFailure;
 use super::library::Library;
@@ -43,6 +44,8 @@ pub(in crate::tissue) struct Units<B: Backend> {
     stats: Mutex<RveStats>,
     /// The last RVE that found no equilibrium.
     failed_rve: Mutex<Option<FailedRve>>,
+    /// What the threads are doing.
+    activity: Arc<Activity>,
 }
 
 /// An RVE that found no equilibrium.
@@ -75,8 +78,13 @@ impl<B: RealBackend> Units<B> {
     pub fn new(library: Library<B>) -> Self {
         let models = library.models.len();
         let workers = (0..rayon::current_num_threads()).map(|_| Mutex::new(Worker::new(models))).collect();
-        let (units, points, costs, histories, kept_costs, stats, failed_rve) = Default::default();
-        Self { library, units, points, costs, histories, kept_costs, workers, stats, failed_rve }
+        let (units, points, costs, histories, kept_costs, stats, failed_rve, activity) = Default::default();
+        Self { library, units, points, costs, histories, kept_costs, workers, stats, failed_rve, activity }
+    }
+
+    /// Returns what the threads are doing.
+    pub fn activity(&self) -> &Arc<Activity> {
+        &self.activity
     }
 
     /// Returns the data that all RVEs share.
@@ -256,7 +264,8 @@ impl<B: RealBackend> Units<B> {
         + Sync,
     ) -> Result<Vec<usize>, PointFailure> {
         let order = self.longest_first();
-        let Self { library, units, points, costs, workers, .. } = self;
+        let Self { library, units, points, costs, workers, activity, .. } = self;
+        let evaluation = activity.evaluate(units.len());
         let (library, points) = (&*library, &*points);
         costs.fill(Cost::default());
         let mut waiting: Vec<Option<&mut Unit>> = units.iter_mut().map(Some).collect();
@@ -268,11 +277,15 @@ impl<B: RealBackend> Units<B> {
             if point > lowest.load(Ordering::Relaxed) {
                 return (stats, 0.0, Ok(false));
             }
-            let Some(gradient) = gradient(number, point) else { return (stats, 0.0, Ok(false)) };
+            let Some(gradient) = gradient(number, point) else {
+                activity.skip();
+                return (stats, 0.0, Ok(false));
+            };
             let increment = unit.response.map_or(0.0, |(last, _)| (gradient - last).norm());
             let slot = rayon::current_thread_index().unwrap_or(0) % workers.len();
             // A worker is scratch memory: data left by a panicking thread is overwritten.
             let mut worker = workers[slot].lock().unwrap_or_else(PoisonError::into_inner);
+            let _solution = activity.solve(unit.location, worker.stage());
             // This thread must not start another RVE, which needs the same worker, before this one is done.
             let outcome = parallel::alone(|| action(unit, &gradient, library, &mut worker, &mut stats));
             let outcome = outcome.map_err(|reason| {
@@ -281,6 +294,7 @@ impl<B: RealBackend> Units<B> {
             });
             (stats, increment, outcome)
         });
+        drop(evaluation);
         let mut outcomes: Vec<_> = order.into_iter().zip(outcomes).collect();
         outcomes.sort_unstable_by_key(|&(number, _)| number);
         let (lowest, mut sum) = (lowest.into_inner(), RveStats::default());

@@ -134,7 +134,7 @@ impl<C: Ranks> Job for MacroRank<'_, C> {
         };
         let root = RootWriter { comm: scales.comm(), broken: &broken };
         let writers: &dyn WriterGroup = if body_solve == BodySolve::Distributed { &root } else { &() };
-        let outcome = or_broken(&broken, take_steps(&mut simulation, writers, run.dir, run.resume));
+        let outcome = or_broken(&broken, take_steps(&mut simulation, writers, run.steps));
         if outcome.is_err() {
             // Collective destructors, such as that of a MUMPS factorization, would wait for ranks that are lost.
             std::mem::forget(simulation);

@@ -14,7 +14,7 @@ use biotissue::las::{Comm, Disagreement};
 use biotissue::tissue::two_scale::{MACRO, MICRO};
 
 use crate::failure::Failure;
-use crate::run::Summary;
+use crate::run::{StepOptions, Summary};
 
 /// A communicator whose ranks a backend can distribute a linear system over.
 pub trait Ranks: Comm {
@@ -54,8 +54,7 @@ type Outcome = Result<Summary, Failure>;
 /// The data of a run that all its ranks share.
 pub struct RunContext<'a> {
     pub case: Case,
-    pub dir: &'a Path,
-    pub resume: bool,
+    pub steps: StepOptions<'a>,
     pub backend: Option<&'a str>,
     /// The assignment of ranks to scales from a configuration file, and that file.
     pub plan: Option<(Plan, PathBuf)>,

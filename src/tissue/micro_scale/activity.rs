@@ -1,0 +1,141 @@
+//! What the RVEs of a process are doing, for a thread that reports the progress of a run.
+
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use crate::fem::mesh::IntegrationPoint;
+use crate::fiber::equilibrium::{Stage, StageInProgress};
+
+/// The RVEs of the evaluation in progress: how many are done, and which ones the threads are solving.
+#[derive(Debug, Default)]
+pub struct Activity {
+    evaluation: Mutex<Evaluation>,
+}
+
+#[derive(Debug, Default)]
+struct Evaluation {
+    rves: usize,
+    done: usize,
+    solving: Vec<Solving>,
+}
+
+#[derive(Debug)]
+struct Solving {
+    point: IntegrationPoint,
+    since: Instant,
+    stage: Arc<StageInProgress>,
+}
+
+/// The state of an evaluation.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RveProgress {
+    /// Number of RVEs.
+    pub rves: usize,
+    /// Number of those that are done.
+    pub done: usize,
+    /// The RVE that a thread has been solving for the longest time.
+    pub slowest: Option<SlowestRve>,
+}
+
+/// The RVE that a thread has been solving for the longest time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SlowestRve {
+    /// Its point.
+    pub point: IntegrationPoint,
+    /// The time since its solution began.
+    pub elapsed: Duration,
+    /// The stage of the solution; `None` before the first one.
+    pub stage: Option<Stage>,
+}
+
+impl Activity {
+    /// Returns the state of the evaluation in progress; `None` if there is none.
+    pub fn progress(&self) -> Option<RveProgress> {
+        let evaluation = self.lock();
+        let slowest = evaluation.solving.iter().min_by_key(|solving| solving.since);
+        (evaluation.rves > 0).then(|| RveProgress {
+            rves: evaluation.rves,
+            done: evaluation.done,
+            slowest: slowest.map(|Solving { point, since, stage }| SlowestRve {
+                point: *point,
+                elapsed: since.elapsed(),
+                stage: stage.get(),
+            }),
+        })
+    }
+
+    /// Starts an evaluation of so many RVEs; it ends when the guard is dropped.
+    pub(super) fn evaluate(&self, rves: usize) -> EvaluationGuard<'_> {
+        *self.lock() = Evaluation { rves, ..Evaluation::default() };
+        EvaluationGuard(self)
+    }
+
+    /// Counts an RVE that needs no solution as done.
+    pub(super) fn skip(&self) {
+        self.lock().done += 1;
+    }
+
+    /// Starts the solution of an RVE, whose stages `stage` follows; it ends when the guard is dropped.
+    pub(super) fn solve(&self, point: IntegrationPoint, stage: &Arc<StageInProgress>) -> SolutionGuard<'_> {
+        stage.set(None);
+        self.lock().solving.push(Solving { point, since: Instant::now(), stage: Arc::clone(stage) });
+        SolutionGuard { activity: self, point }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Evaluation> {
+        self.evaluation.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Ends an evaluation.
+pub(super) struct EvaluationGuard<'a>(&'a Activity);
+
+impl Drop for EvaluationGuard<'_> {
+    fn drop(&mut self) {
+        *self.0.lock() = Evaluation::default();
+    }
+}
+
+/// Ends the solution of an RVE.
+pub(super) struct SolutionGuard<'a> {
+    activity: &'a Activity,
+    point: IntegrationPoint,
+}
+
+impl Drop for SolutionGuard<'_> {
+    fn drop(&mut self) {
+        let mut evaluation = self.activity.lock();
+        evaluation.done += 1;
+        if let Some(at) = evaluation.solving.iter().position(|solving| solving.point == self.point) {
+            evaluation.solving.swap_remove(at);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_rve_that_was_started_first_is_the_slowest() {
+        let activity = Activity::default();
+        assert_eq!(activity.progress(), None);
+        let stages = [0, 1].map(|_| Arc::new(StageInProgress::default()));
+        let evaluation = activity.evaluate(3);
+        let first = activity.solve(IntegrationPoint::of_element(7), &stages[0]);
+        std::thread::sleep(Duration::from_millis(2));
+        let second = activity.solve(IntegrationPoint::of_element(2), &stages[1]);
+        stages[0].set(Some(Stage::Relaxation));
+        let slowest = |activity: &Activity| activity.progress().and_then(|progress| progress.slowest).unwrap();
+        let of_first = slowest(&activity);
+        assert_eq!((of_first.point.element, of_first.stage), (7, Some(Stage::Relaxation)));
+        assert!(of_first.elapsed >= Duration::from_millis(2));
+        drop(first);
+        assert_eq!((slowest(&activity).point.element, slowest(&activity).stage), (2, None));
+        drop(second);
+        activity.skip();
+        assert_eq!(activity.progress(), Some(RveProgress { rves: 3, done: 3, slowest: None }));
+        drop(evaluation);
+        assert_eq!(activity.progress(), None);
+    }
+}
