@@ -6,24 +6,35 @@ use nalgebra::Matrix3;
 
 use super::case::Case;
 use super::cell_fields::CellFields;
+use super::derived_fields::{green_lagrange_strain, principal_stresses, principal_stretches};
 use super::formula_fibers::FormulaFibers;
 use super::results::collection::{field_file, index_file, partial, point_file, point_index_file};
 use super::results::{
-    FieldSet, ResultsError, part_file, piece_index, point_piece_index, write_piece, write_pieces, write_point_pieces,
-    write_points, write_vtu,
+    FieldSet, PointCloud, ResultsError, part_file, piece_index, point_piece_index, write_piece, write_pieces,
+    write_point_pieces, write_points, write_vtu,
 };
 use super::stress::CauchyStress;
 use crate::fem::constraint::Constraints;
 use crate::fem::equilibrium::BodyState;
 use crate::fem::mesh::{Mesh, Part};
 use crate::fem::stepping::ConvergedStep;
+use crate::parallel;
 use crate::tissue::micro_scale::TissueMaterial;
+
+const PRINCIPAL_STRESSES: &str = "principal_stresses";
+const PRINCIPAL_STRETCHES: &str = "principal_stretches";
+const GREEN_LAGRANGE_STRAIN: &str = "green_lagrange_strain";
+
+/// The arrays that every file of integration points has.
+const OF_ALL_POINTS: [&str; 4] = ["element", "point", "volume", "jacobian"];
 
 /// Writes the fields of states.
 pub(super) struct FieldFiles {
     dir: PathBuf,
     every: usize,
     has_points: bool,
+    /// The names of the fields.
+    names: Vec<&'static str>,
     /// Reference volume of every integration point.
     volumes: Vec<f64>,
     /// Region of every integration point.
@@ -69,6 +80,7 @@ impl FieldFiles {
             dir: dir.to_owned(),
             every: case.output.every,
             has_points: case.output.points,
+            names: case.fields(),
             volumes: mesh.point_volumes(),
             region_of: mesh.points().spread(mesh.region_of()),
             fibers: FormulaFibers::new(case, mesh),
@@ -97,8 +109,7 @@ impl FieldFiles {
         let values = self.at_points(of);
         let shards = of.field.shards();
         if let Some(file) = &names.points {
-            let cloud =
-                values.cloud(of.mesh, of.state, &self.volumes, &self.region_of, |point| of.field.rank_of(point));
+            let cloud = self.cloud(of, &values);
             let path = self.dir.join(file);
             match shards {
                 None => write_points(&path, &cloud)?,
@@ -123,8 +134,7 @@ impl FieldFiles {
         let points = match &names.points {
             None => None,
             Some(file) => {
-                let cloud =
-                    values.cloud(of.mesh, of.state, &self.volumes, &self.region_of, |point| of.field.rank_of(point));
+                let cloud = self.cloud(of, &values);
                 let own = of.mesh.own_points();
                 let own: Vec<u32> = (0..own.len() as u32).filter(|&point| own[point as usize]).collect();
                 let cloud = cloud.select(&own);
@@ -187,7 +197,29 @@ impl FieldFiles {
         CellFields::new(state, stress, families, &field.summaries(), status)
     }
 
-    /// Passes the fields of the elements to `write`.
+    /// Returns the selected fields of the integration points.
+    fn cloud<M: TissueMaterial>(&self, of: &FieldState<'_, M>, values: &CellFields) -> PointCloud {
+        let rank_of = |point| of.field.rank_of(point);
+        let mut cloud = values.cloud(of.mesh, of.state, &self.volumes, &self.region_of, rank_of);
+        cloud.tensors.extend(self.derived(GREEN_LAGRANGE_STRAIN, &values.gradient, green_lagrange_strain));
+        cloud.vectors.extend(self.derived(PRINCIPAL_STRETCHES, &values.gradient, principal_stretches));
+        cloud.vectors.extend(self.derived(PRINCIPAL_STRESSES, &values.cauchy, principal_stresses));
+        cloud.retain(|name| OF_ALL_POINTS.contains(&name) || self.names.contains(&name));
+        cloud
+    }
+
+    /// Returns a field that follows from tensors, if it is selected.
+    fn derived<const N: usize>(
+        &self,
+        name: &'static str,
+        tensors: &[[f64; 9]],
+        value: impl Fn(&[f64; 9]) -> [f64; N] + Sync + Send,
+    ) -> Option<(&'static str, Vec<[f64; N]>)> {
+        let is_selected = self.names.contains(&name);
+        is_selected.then(|| (name, parallel::collect(tensors.len(), |at| value(&tensors[at]))))
+    }
+
+    /// Passes the selected fields of the elements to `write`.
     fn with_fields<M: TissueMaterial, T>(
         &self,
         of: &FieldState<'_, M>,
@@ -199,7 +231,10 @@ impl FieldFiles {
         let region: Vec<i64> = mesh.region_of().iter().map(|&region| region.into()).collect();
         let rank: Vec<i64> =
             (0..region.len()).map(|element| field.rank_of(mesh.points().of_element(element).start) as i64).collect();
-        write(&FieldSet {
+        let strain = self.derived(GREEN_LAGRANGE_STRAIN, &cells.gradient, green_lagrange_strain);
+        let stretches = self.derived(PRINCIPAL_STRETCHES, &cells.gradient, principal_stretches);
+        let stresses = self.derived(PRINCIPAL_STRESSES, &cells.cauchy, principal_stresses);
+        let mut fields = FieldSet {
             points: mesh.nodes(),
             elements: mesh.elements(),
             point_vectors: vec![("displacement", &state.displacements)],
@@ -223,7 +258,11 @@ impl FieldFiles {
                 ("deformation_gradient", &cells.gradient),
                 ("fiber_orientation", &cells.orientation),
             ],
-        })
+        };
+        fields.cell_tensors.extend(strain.iter().map(|(name, values)| (*name, values.as_slice())));
+        fields.cell_vectors.extend(stretches.iter().chain(&stresses).map(|(name, values)| (*name, values.as_slice())));
+        fields.retain(|name| self.names.contains(&name));
+        write(&fields)
     }
 }
 

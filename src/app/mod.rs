@@ -10,6 +10,7 @@
 pub mod case;
 mod cell_fields;
 pub mod checkpoint;
+mod derived_fields;
 pub mod expression;
 mod field_files;
 mod formula_fibers;

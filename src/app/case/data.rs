@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use super::field_names::FieldSelection;
 use super::formula::FormulaCase;
 use super::load_value::LoadValue;
 use crate::fem::boundary::LoadCurve;
@@ -330,13 +331,15 @@ pub struct OutputCase {
     pub points: bool,
     /// Whether the costs of all RVEs are written.
     pub costs: bool,
+    /// The fields that are written.
+    pub fields: FieldSelection,
     /// The elements whose deformed networks are written too.
     pub rve: ElementSelection,
 }
 
 impl Default for OutputCase {
     fn default() -> Self {
-        let rve = ElementSelection::None;
-        Self { directory: PathBuf::new(), every: 1, checkpoint: 1, points: false, costs: false, rve }
+        let (fields, rve) = (FieldSelection::Default, ElementSelection::None);
+        Self { directory: PathBuf::new(), every: 1, checkpoint: 1, points: false, costs: false, fields, rve }
     }
 }

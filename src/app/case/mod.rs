@@ -105,6 +105,7 @@
 //! checkpoint = 1                           # default; steps between two checkpoints
 //! points = false                           # default; or true: also the values at the integration points
 //! costs = false                            # default; or true: what each RVE costs in every sweep
+//! fields = "default"                       # default: those of the materials; or names, such as ["cauchy_stress"]
 //! rve = "none"                             # default; or "all", or ids of elements, such as [0, 17]
 //! "#;
 //! # use std::path::Path;
@@ -410,6 +411,7 @@
 mod constraint;
 mod data;
 mod elastic;
+mod field_names;
 mod formula;
 mod law;
 mod load;
@@ -436,6 +438,7 @@ pub use crate::tissue::materials::{
     BeforeCreation, ElementSelection, FiberRve, Formula, NetworkAssignment, RegionMaterial, RveLifecycle, RveParams,
 };
 pub use data::*;
+pub use field_names::FieldSelection;
 pub use formula::{FieldFormula, FormulaCase, FormulaModel};
 pub(crate) use formula::{Unstable, entries as formula_entries};
 pub use load_value::LoadValue;

@@ -13,6 +13,7 @@ use crate::tissue::two_scale::{BalanceParams, PlannerName, WeightsName, When};
 use toml::de::DeValue;
 
 use super::data::{MeshSource, NewtonCase, OutputCase, QuadraticCase, ScalesCase, StepsCase};
+use super::field_names::FieldSelection;
 use super::problems::alternatives;
 use super::range::Range;
 use super::solver;
@@ -323,12 +324,32 @@ pub(super) fn output(root: &mut Table<'_>, base: &Path, any_network: bool) -> Ou
         output.checkpoint = table.integer("checkpoint", 1..=1_000_000).unwrap_or(1);
         output.points = table.boolean("points").unwrap_or(false);
         output.costs = table.boolean("costs").unwrap_or(false);
+        output.fields = table.get("fields").and_then(|value| fields(&value)).unwrap_or_default();
         output.rve = table.get("rve").and_then(|value| rve_output(&value)).unwrap_or(ElementSelection::None);
         if output.rve != ElementSelection::None && !any_network {
             table.problems.warn(table.line, "`output.rve` has no effect: no region has the model \"fiber-rve\"");
         }
     });
     output
+}
+
+/// Reads which fields are written.
+fn fields(value: &Value<'_>) -> Option<FieldSelection> {
+    if value.inner.as_str() == Some("default") {
+        return Some(FieldSelection::Default);
+    }
+    let known: Vec<&str> = FieldSelection::all().collect();
+    let items = value.list("\"default\", or a list of fields", "\"default\" or such as [\"cauchy_stress\"]")?;
+    let read: Vec<Option<&'static str>> = (items.iter())
+        .map(|item| item.named(&known, |text| FieldSelection::all().find(|&name| name == text)))
+        .collect();
+    let mut names: Vec<&'static str> = Vec::new();
+    for name in read.into_iter().collect::<Option<Vec<_>>>()? {
+        if !names.contains(&name) {
+            names.push(name);
+        }
+    }
+    Some(FieldSelection::Names(names))
 }
 
 fn rve_output(value: &Value<'_>) -> Option<ElementSelection> {

@@ -21,6 +21,7 @@ use crate::tissue::materials::{
 use crate::tissue::two_scale::BalanceParams;
 
 use super::data::{Case, ConstraintCase, MeshSource, PointPlace, RigidCase, ScalesCase, SurfaceLoad};
+use super::field_names::FieldSelection;
 use super::formula::FormulaCase;
 use super::load::AXES;
 use super::load_value::LoadValue;
@@ -140,7 +141,11 @@ impl Case {
         ];
         let points = output.points.then(|| entry("points", true));
         let costs = output.costs.then(|| entry("costs", true));
-        section(&mut out, "[output]", entries.into_iter().chain(points).chain(costs).chain([rve]));
+        let fields = match &output.fields {
+            FieldSelection::Default => None,
+            FieldSelection::Names(names) => Some(entry("fields", names)),
+        };
+        section(&mut out, "[output]", entries.into_iter().chain(points).chain(costs).chain(fields).chain([rve]));
         out
     }
 }

@@ -33,6 +33,17 @@ pub struct FieldSet<'a> {
     pub cell_tensors: Vec<(&'a str, &'a [[f64; 9]])>,
 }
 
+impl FieldSet<'_> {
+    /// Keeps the fields whose names satisfy a condition.
+    pub fn retain(&mut self, is_kept: impl Fn(&str) -> bool) {
+        self.point_vectors.retain(|(name, _)| is_kept(name));
+        self.cell_scalars.retain(|(name, _)| is_kept(name));
+        self.cell_integers.retain(|(name, _)| is_kept(name));
+        self.cell_vectors.retain(|(name, _)| is_kept(name));
+        self.cell_tensors.retain(|(name, _)| is_kept(name));
+    }
+}
+
 /// A mesh and its fields, read from a file: the owned counterpart of [`FieldSet`].
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Fields {

@@ -155,6 +155,14 @@ fn read_piece(path: &Path) -> Result<PointValues, ResultsError> {
 }
 
 impl PointCloud {
+    /// Keeps the arrays whose names satisfy a condition.
+    pub fn retain(&mut self, is_kept: impl Fn(&str) -> bool) {
+        self.scalars.retain(|(name, _)| is_kept(name));
+        self.integers.retain(|(name, _)| is_kept(name));
+        self.vectors.retain(|(name, _)| is_kept(name));
+        self.tensors.retain(|(name, _)| is_kept(name));
+    }
+
     /// Returns these points, ascending, with their values.
     pub fn select(&self, points: &[u32]) -> Self {
         Self {

@@ -1,0 +1,64 @@
+//! The fields of the result files, and which of them a case asks for.
+
+use super::data::Case;
+use super::formula::FormulaCase;
+use crate::tissue::materials::RegionMaterial;
+
+/// Fields of every body. The displacement is always written.
+const OF_BODY: [&str; 7] =
+    [DISPLACEMENT, "von_mises_stress", "energy_density", "cauchy_stress", "deformation_gradient", "region", "rank"];
+/// Fields of bodies with fibers.
+const OF_FIBERS: [&str; 5] = ["fiber_alignment", "stretch_min", "stretch_max", "fiber_direction", "fiber_orientation"];
+/// Fields of bodies with RVEs.
+const OF_RVES: [&str; 3] = ["rve_iterations", "rve_status", "network"];
+/// Fields that are written only if the case names them.
+const ON_REQUEST: [&str; 3] = ["principal_stresses", "principal_stretches", "green_lagrange_strain"];
+
+const DISPLACEMENT: &str = "displacement";
+
+/// The fields that are written to the result files.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum FieldSelection {
+    /// Those that the materials of the case have, without those that follow from others.
+    #[default]
+    Default,
+    /// These, and the displacement.
+    Names(Vec<&'static str>),
+}
+
+impl FieldSelection {
+    /// Returns the names of all fields.
+    pub fn all() -> impl Iterator<Item = &'static str> {
+        OF_BODY.into_iter().chain(OF_FIBERS).chain(OF_RVES).chain(ON_REQUEST)
+    }
+}
+
+impl Case {
+    /// Returns the names of the fields in the result files of this case.
+    pub fn fields(&self) -> Vec<&'static str> {
+        match &self.output.fields {
+            FieldSelection::Names(names) => {
+                let others = names.iter().copied().filter(|&name| name != DISPLACEMENT);
+                [DISPLACEMENT].into_iter().chain(others).collect()
+            }
+            FieldSelection::Default => {
+                let of_fibers = OF_FIBERS.into_iter().filter(|_| self.has_fibers());
+                let of_rves = OF_RVES.into_iter().filter(|_| self.has_rves());
+                OF_BODY.into_iter().chain(of_fibers).chain(of_rves).collect()
+            }
+        }
+    }
+
+    fn has_rves(&self) -> bool {
+        self.regions.iter().any(|region| matches!(region.material, RegionMaterial::FiberRve(_)))
+    }
+
+    /// Returns true if some region has networks, or a formula with fibers.
+    fn has_fibers(&self) -> bool {
+        self.has_rves()
+            || self.regions.iter().filter_map(|region| region.material.formula()).any(|formula| match formula {
+                FormulaCase::Constant(formula) => formula.fiber_axes().next().is_some(),
+                FormulaCase::Field(formula) => !formula.axes.is_empty(),
+            })
+    }
+}
