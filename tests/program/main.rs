@@ -29,6 +29,8 @@ mod skip;
 mod solvers;
 mod states;
 mod streams;
+#[cfg(unix)]
+mod tutorials;
 mod variants;
 
 use std::ffi::OsStr;
