@@ -57,7 +57,9 @@ fn followed(name: &str) -> String {
                 let [out, err] =
                     [&output.stdout, &output.stderr].map(|bytes| String::from_utf8_lossy(bytes).into_owned());
                 assert!(output.status.success(), "{name}:\n{block}\n{out}\n{err}");
-                assert!(!err.contains("warning"), "{name}:\n{block}\n{err}");
+                // On a slow machine, a run is interrupted before its first step is complete.
+                let unexpected = |line: &&str| line.contains("warning") && !line.contains("no checkpoint");
+                assert_eq!(err.lines().find(unexpected), None, "{name}:\n{block}");
                 printed += &out;
                 commands += 1;
             }
