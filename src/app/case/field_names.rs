@@ -55,7 +55,8 @@ impl Case {
 
     /// Returns true if some region has networks, or a formula with fibers.
     fn has_fibers(&self) -> bool {
-        self.has_rves()
+        let has_networks = |material: &_| matches!(material, RegionMaterial::FiberRve(rve) if !rve.networks.is_empty());
+        self.regions.iter().any(|region| has_networks(&region.material))
             || self.regions.iter().filter_map(|region| region.material.formula()).any(|formula| match formula {
                 FormulaCase::Constant(formula) => formula.fiber_axes().next().is_some(),
                 FormulaCase::Field(formula) => !formula.axes.is_empty(),
