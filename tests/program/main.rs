@@ -15,6 +15,7 @@ mod killed_migration;
 mod loads;
 mod measure;
 mod messages;
+mod networks;
 mod outputs;
 #[cfg(all(feature = "petsc", feature = "sparse"))]
 mod parts;
