@@ -71,3 +71,62 @@ fn cleaning_merges_doubled_fibers_of_one_law() {
     let kept = "\n  not merged: 6 doubled fibers, since the network has no laws\n";
     assert!(text.done().contains(kept) && text.done().contains("\n  nothing to remove\n"), "{}", text.stdout);
 }
+
+/// A network in the older format: chains along the axes of a cube of edge 2 through its center, and their links.
+const OLDER: &str = "7 21 9\n1 1 7 -1 0.1 0 0.1 0 0\n2 2 7 1 0 -0.1 0.1 0 0\n3 3 7 0.2 -1 0 0.1 0 0\n4 4 7 0 1 0.1 0.1 0 0\n\
+                     5 5 7 0 0.1 -1 0.1 0 0\n6 6 7 0.1 0 1 0.1 0 0\n7 1 3 -1 0.1 0 0.2 -1 0\n8 2 4 1 0 -0.1 0 1 0.1\n\
+                     9 5 6 0 0.1 -1 0.1 0 1\n";
+
+#[test]
+fn older_files_are_read_everywhere_and_converted() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    std::fs::write(at("old.txt"), OLDER).unwrap();
+    std::fs::write(
+        at("old.txt.params"),
+        format!("2 9\n0 5e-8 1e8 1000\n1 6e-8 1e7 1.2 1.4 1000\n0\n{}", "1\n".repeat(8)),
+    )
+    .unwrap();
+    let info = line(folder.path(), "network info old.txt --json").object();
+    assert_eq!((&info["nodes"], &info["fibers"], &info["interior_nodes"]), (&7.into(), &9.into(), &1.into()));
+    assert_eq!(info["cube"]["edges"], serde_json::json!([2.0, 2.0, 2.0]));
+    let done = line(folder.path(), "network convert old.txt new.txt");
+    let text = "new.txt: 7 nodes, 9 fibers, 2 laws; lengths in units of the cube's edge, which is 2 in old.txt\n";
+    assert_eq!((done.done(), done.stderr.as_str()), (text, ""));
+    assert!(std::fs::read_to_string(at("new.txt")).unwrap().starts_with("7 9 0\n-0.5 0.05"));
+    assert!(at("new.txt.params").exists() && at("new.txt.toml").exists());
+    assert_same_stress(folder.path(), "old.txt", "new.txt");
+    let case = crate::run::fibers("old.txt");
+    crate::run::write_case(folder.path(), "case.toml", &case);
+    line(folder.path(), "check case.toml").done();
+    // A current file is written as it was, and an error names the line.
+    let again = line(folder.path(), "network convert new.txt again.txt --json").object();
+    assert_eq!(again["written"], "again.txt");
+    assert_eq!(std::fs::read(at("new.txt")).unwrap(), std::fs::read(at("again.txt")).unwrap());
+    std::fs::write(at("old.txt"), OLDER.replace("9 5 6", "9 5 8")).unwrap();
+    let failed = line(folder.path(), "network convert old.txt bad.txt");
+    assert!(failed.failed(2).starts_with("error: old.txt:10: there is no node 8\n"), "{}", failed.stderr);
+    assert!(!at("bad.txt").exists());
+}
+
+/// Two parallel fibers that reach two faces of the cube: it keeps its size when the network is written.
+#[test]
+fn networks_that_do_not_reach_all_faces_keep_their_cube() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(
+        folder.path().join("old.txt"),
+        "4 12 2\n1 1 2 -0.5 0.2 0 0.5 0.2 0\n2 3 4 -0.5 -0.2 0 0.5 -0.2 0\n0.5\n",
+    )
+    .unwrap();
+    let done = line(folder.path(), "network convert old.txt new.txt");
+    assert!(
+        done.done().contains(" 6 nodes, 2 fibers, no law; ") && done.stderr.contains("at its corners"),
+        "{}",
+        done.stderr
+    );
+    let info = line(folder.path(), "network info new.txt --json").object();
+    assert_eq!((&info["total_length"], &info["cube"]["edges"][1]), (&2.0.into(), &1.0.into()));
+    line(folder.path(), "network check new.txt --clean -o clean.txt").done();
+    let info = line(folder.path(), "network info clean.txt --json").object();
+    assert_eq!((&info["total_length"], &info["fibers"]), (&2.0.into(), &2.into()));
+}
