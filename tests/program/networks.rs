@@ -130,3 +130,36 @@ fn networks_that_do_not_reach_all_faces_keep_their_cube() {
     let info = line(folder.path(), "network info clean.txt --json").object();
     assert_eq!((&info["total_length"], &info["fibers"]), (&2.0.into(), &2.into()));
 }
+
+/// Every network of a pattern is read before the first error is reported.
+#[test]
+fn all_unreadable_networks_of_a_pattern_are_reported() {
+    let folder = tempfile::tempdir().unwrap();
+    let good = std::fs::read_to_string(frozen()).unwrap();
+    std::fs::create_dir(folder.path().join("nets")).unwrap();
+    let write = |number: usize, text: &str| {
+        std::fs::write(folder.path().join(format!("nets/{number:02}.txt")), text).unwrap();
+    };
+    let bad = good.replacen("0.", "zero", 3);
+    for number in 0..30 {
+        write(number, if number % 10 == 4 { &bad } else { &good });
+    }
+    crate::run::write_case(folder.path(), "case.toml", &crate::run::fibers("nets/*.txt"));
+    for command in ["check case.toml", "run case.toml"] {
+        let failed = line(folder.path(), command);
+        let block = failed.failed(2);
+        let files: Vec<&str> = block.lines().filter(|line| line.contains(".txt:")).collect();
+        assert_eq!(files.len(), 3, "{block}");
+        for (line, name) in files.iter().zip(["nets/04.txt:2: ", "nets/14.txt:2: ", "nets/24.txt:2: "]) {
+            assert!(line.contains(name), "{line}");
+        }
+        assert!(!block.contains(" more errors in this file") && !block.contains("\nand "), "{block}");
+    }
+    assert!(!folder.path().join("results").exists());
+    let worse = "2 1 0\n0 0 zero\n1 one 1\n0 1\n";
+    (0..25).for_each(|number| write(number, worse));
+    let failed = line(folder.path(), "check case.toml");
+    let block = failed.failed(2);
+    assert_eq!(block.matches("`zero` is not a number (and 1 more error in this file)\n").count(), 20, "{block}");
+    assert!(block.trim_end().ends_with("\nand 5 more"), "{block}");
+}
