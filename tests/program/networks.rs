@@ -163,3 +163,61 @@ fn all_unreadable_networks_of_a_pattern_are_reported() {
     assert_eq!(block.matches("`zero` is not a number (and 1 more error in this file)\n").count(), 20, "{block}");
     assert!(block.trim_end().ends_with("\nand 5 more"), "{block}");
 }
+
+#[test]
+fn a_library_has_a_network_for_every_seed() {
+    let folder = tempfile::tempdir().unwrap();
+    let options = "network generate --points 12 --law linear --youngs-modulus 1e8 --radius 5e-8";
+    let done = line(folder.path(), &format!("{options} --seed 9 --count 3 --directory nets/a"));
+    let text = "nets/a/network-0009.txt to nets/a/network-0011.txt: 3 delaunay networks, ";
+    assert!(done.done().starts_with(text) && done.stdout.lines().count() == 1, "{}", done.stdout);
+    let names = || {
+        let entries = std::fs::read_dir(folder.path().join("nets/a")).unwrap();
+        let mut names: Vec<String> = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    };
+    let expected = |seeds: std::ops::RangeInclusive<u32>| -> Vec<String> {
+        let files = |seed| ["", ".params", ".toml"].map(|suffix| format!("network-{seed:04}.txt{suffix}"));
+        seeds.flat_map(files).collect()
+    };
+    assert_eq!(names(), expected(9..=11));
+    // Each network is that of a single call.
+    let read = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
+    for seed in 9..=11 {
+        line(folder.path(), &format!("{options} --seed {seed} -o one.txt")).done();
+        for suffix in ["", ".params", ".toml"] {
+            let (one, member) = (format!("one.txt{suffix}"), format!("nets/a/network-{seed:04}.txt{suffix}"));
+            assert_eq!(read(&one), read(&member), "{member}");
+        }
+    }
+    // Nothing is replaced; the library can be continued.
+    let before = read("nets/a/network-0011.txt.toml");
+    for first in [8, 10, 11] {
+        let failed = line(folder.path(), &format!("{options} --seed {first} --count 4 --directory nets/a"));
+        let block = failed.failed(2);
+        assert!(block.contains("exists") && block.contains("; nothing is written\n"), "{block}");
+        assert_eq!(names(), expected(9..=11));
+    }
+    std::fs::write(folder.path().join("nets/a/network-0013.txt.toml"), "mine").unwrap();
+    let failed = line(folder.path(), &format!("{options} --seed 12 --count 2 --directory nets/a"));
+    assert!(failed.failed(2).starts_with("error: nets/a/network-0013.txt.toml exists; nothing"), "{}", failed.stderr);
+    std::fs::remove_file(folder.path().join("nets/a/network-0013.txt.toml")).unwrap();
+    let more = line(folder.path(), &format!("{options} --seed 12 --count 2 --directory nets/a --json"));
+    let objects: Vec<serde_json::Value> = more.done().lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let seeds: Vec<_> = objects.iter().map(|object| object["generated"]["seed"].as_u64().unwrap()).collect();
+    assert_eq!((seeds, names()), (vec![12, 13], expected(9..=13)));
+    assert_eq!(read("nets/a/network-0011.txt.toml"), before);
+    for (options, start) in [
+        ("--count 0 --directory b", "error: --count is 0\n"),
+        ("--count 2 --seed 9223372036854775807 --directory b", "error: --seed 9223372036854775807 and --count 2 give"),
+        ("--count 2 --directory b --nodes 9", "error: more than one option gives the size"),
+    ] {
+        let failed = line(folder.path(), &format!("network generate --points 12 {options}"));
+        assert!(failed.failed(2).starts_with(start), "{}", failed.stderr);
+    }
+    for options in ["", "--count 2", "--directory b", "--count 2 --directory b -o one.txt"] {
+        let refused = line(folder.path(), &format!("network generate --points 12 {options}"));
+        assert_eq!((refused.code, refused.stdout.as_str()), (2, ""), "{options}");
+    }
+    assert!(!folder.path().join("b").exists());

@@ -5,6 +5,7 @@ mod convert;
 mod draw;
 mod generate;
 mod info;
+mod library;
 mod text;
 
 use std::path::Path;
@@ -23,7 +24,7 @@ use crate::output;
 /// What to do with networks.
 #[derive(Subcommand)]
 pub enum NetworkCommand {
-    /// Make a network from random points; the same seed gives the same network everywhere
+    /// Make a network from random points, or a library of them; the same seed gives the same network everywhere
     Generate(generate::GenerateArguments),
     /// Find parts that carry no load and motions without resistance (exit code 0 in any case); clean on request
     Check(check::CheckArguments),
