@@ -221,3 +221,34 @@ fn a_library_has_a_network_for_every_seed() {
         assert_eq!((refused.code, refused.stdout.as_str()), (2, ""), "{options}");
     }
     assert!(!folder.path().join("b").exists());
+}
+
+/// Every network is scaled to the unit cube, its radius is not: in a cube of edge 4, the radius divided by 4 gives a
+/// sixteenth of the raw stress.
+#[test]
+fn the_raw_stress_refers_to_the_edge_of_the_cube() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = std::fs::read_to_string(frozen()).unwrap();
+    let is_node = |line: &str| line.contains('.');
+    let times_four = |line: &str| {
+        let numbers = line.split_whitespace().map(|word| (4.0 * word.parse::<f64>().unwrap()).to_string());
+        numbers.collect::<Vec<_>>().join(" ")
+    };
+    let lines = text.lines().map(|line| if is_node(line) { times_four(line) } else { line.to_owned() });
+    std::fs::write(folder.path().join("large.txt"), lines.collect::<Vec<_>>().join("\n")).unwrap();
+    for command in ["info", "check"] {
+        let printed = line(folder.path(), &format!("network {command} large.txt"));
+        let edge = "\n  cube             edge 4 in the file; lengths below are relative to it\n";
+        assert!(printed.done().contains(edge), "{}", printed.stdout);
+        let object = line(folder.path(), &format!("network {command} large.txt --json")).object();
+        assert_eq!(object["cube"]["edges"], serde_json::json!([4.0, 4.0, 4.0]));
+    }
+    let raw = |network: &str, radius: &str| {
+        let law = ["--law", "linear", "--youngs-modulus", "1e8", "--radius", radius, "--json"];
+        let object = crate::biotissue(folder.path(), &[&["rve", network, STRETCH[0], STRETCH[1]], &law[..]].concat());
+        object.object()["pk1"][0][0].as_f64().unwrap()
+    };
+    let (unit, large, relative) = (raw(&frozen(), "8e-8"), raw("large.txt", "8e-8"), raw("large.txt", "2e-8"));
+    assert!(unit > 0.0 && (large - unit).abs() < 1e-9 * unit, "{unit} {large}");
+    assert!((16.0 * relative - unit).abs() < 1e-9 * unit, "{unit} {relative}");
+}
