@@ -118,6 +118,28 @@ impl std::error::Error for InputError {}
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct InputErrors(pub Vec<InputError>);
 
+impl InputErrors {
+    /// Combines the errors of several files: all errors if there is one file, and otherwise the first error of every
+    /// file with the number of its other errors, so that a message names as many files as possible. `None` if there are
+    /// no files.
+    pub fn of_files(mut files: Vec<Self>) -> Option<Self> {
+        if files.len() == 1 {
+            return files.pop();
+        }
+        let first_of = |Self(errors): Self| {
+            let more = errors.len().saturating_sub(1);
+            let mut first = errors.into_iter().next()?;
+            if more > 0 {
+                let errors = if more == 1 { "error" } else { "errors" };
+                let _ = write!(first.problem, " (and {more} more {errors} in this file)");
+            }
+            Some(first)
+        };
+        let firsts: Vec<InputError> = files.into_iter().filter_map(first_of).collect();
+        (!firsts.is_empty()).then_some(Self(firsts))
+    }
+}
+
 impl fmt::Display for InputErrors {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let shown: Vec<String> = self.0.iter().take(MOST_SHOWN).map(ToString::to_string).collect();
@@ -143,6 +165,23 @@ mod tests {
 
     fn error(k: usize) -> InputError {
         InputError::at_line(Path::new("case.toml"), k, format!("mistake {k}"), "none", "correct it")
+    }
+
+    #[test]
+    fn of_several_files_the_first_error_of_each_is_kept() {
+        let of = |lines: std::ops::RangeInclusive<usize>| InputErrors(lines.map(error).collect());
+        assert_eq!(InputErrors::of_files(Vec::new()), None);
+        assert_eq!(InputErrors::of_files(vec![of(1..=3)]), Some(of(1..=3)));
+        let text = InputErrors::of_files(vec![of(1..=3), of(4..=4), of(5..=6)]).unwrap().to_string();
+        let problems: Vec<&str> = text.lines().filter(|line| line.starts_with("case.toml")).collect();
+        assert_eq!(
+            problems,
+            [
+                "case.toml:1: mistake 1 (and 2 more errors in this file)",
+                "case.toml:4: mistake 4",
+                "case.toml:5: mistake 5 (and 1 more error in this file)",
+            ]
+        );
     }
 
     #[test]

@@ -17,9 +17,13 @@ use crate::las::{Backend, RealBackend, SolveError, SolverParams, Sparsity, Spars
 /// The factor `kappa` that converts forces of the unit-cube network to stresses.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum StressScale {
-    /// `kappa = 1`: forces in the unit cube, for comparison with other codes.
+    /// `kappa = 1`: forces in the unit cube, for comparison with other codes. Every network is scaled to the unit cube,
+    /// whatever the edge of the cube in its file, but the radii of the fibers are not: the result is in N per square of
+    /// the edge. For a cube of edge `a`, in the unit of length of the radius, the stress in Pa is the result divided by
+    /// `a^2`; a radius in units of the edge (`radius / a`) gives the same.
     Raw,
-    /// `kappa = phi / sum_f (A_f L_f)` for this fiber volume fraction `phi`: stresses in Pa.
+    /// `kappa = phi / sum_f (A_f L_f)` for this fiber volume fraction `phi`: stresses in Pa, which do not depend on the
+    /// edge of the cube or on a common factor of the radii.
     FiberVolumeFraction(f64),
 }
 

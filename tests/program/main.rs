@@ -16,6 +16,7 @@ mod killed_migration;
 mod loads;
 mod measure;
 mod messages;
+mod networks;
 mod outputs;
 #[cfg(all(feature = "petsc", feature = "sparse"))]
 mod parts;

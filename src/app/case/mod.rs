@@ -140,6 +140,11 @@
 //! matrix = { model = "neo-hookean", shear_modulus = 100.0, poisson_ratio = 0.3 }
 //! ```
 //!
+//! With `scale = "raw"`, the stresses are the forces of the network in the unit cube, in N per square of the edge: every
+//! network is scaled to the unit cube, whatever the edge of the cube in its file, but the `radius` of its fibers is not.
+//! If the cube has the edge `a` in the unit of the radius, give `radius / a` as the radius for stresses in Pa.
+//! `biotissue network info` prints the edge in the unit of the file. A `fiber_volume_fraction` needs no such care.
+//!
 //! ```toml
 //! life = { created_at = 0.02, before = "linear", asleep_below = 1e-4, deleted_at = 0.8 }   # with the keys above
 //! ```

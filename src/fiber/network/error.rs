@@ -11,10 +11,10 @@ pub enum NetworkError {
     /// of nodes.
     #[error("none of the {0} nodes lies on a face of the cube")]
     NoBoundary(usize),
-    /// There are more nodes or fibers than 32-bit unknowns can number.
+    /// There are more nodes or fibers than 32-bit unknowns can number, or more materials than 16 bits can.
     #[error("{count} {what}, but at most {most} can be numbered")]
     TooMany {
-        /// `"nodes"` or `"fibers"`.
+        /// `"nodes"`, `"fibers"` or `"materials"`.
         what: &'static str,
         /// The number given.
         count: usize,

@@ -2,7 +2,7 @@
 //!
 //! A [`Network`] comes from a file ([`file::read`]), from a generator (`generate::GeneratorParams`, with the feature
 //! `generate`) or from given nodes and fibers ([`Network::new`]); each of these checks its geometry. [`check`] reports
-//! the properties of a network and its rigidity, and removes the parts that carry no load.
+//! the properties of a network and its rigidity, removes the parts that carry no load, and merges doubled fibers.
 //!
 //! ```
 //! use biotissue::fiber::network::{Network, check::examine};

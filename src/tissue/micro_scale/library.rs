@@ -1,6 +1,6 @@
 //! The materials of a body with their networks: reads each network once and assigns a material to every integration point.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -23,7 +23,7 @@ use crate::tissue::materials::{
 /// The reason why the materials of a body cannot be set up.
 #[derive(Debug, Error)]
 pub enum LibraryError {
-    /// A network file has errors.
+    /// Network files have errors; see [`InputErrors::of_files`] if there are several.
     #[error(transparent)]
     Network(#[from] InputErrors),
     /// The network in a file cannot be used as an RVE: the reason.
@@ -68,7 +68,8 @@ impl<B: RealBackend> Library<B> {
     /// Reads the networks of the materials; also returns the warnings of the reader.
     ///
     /// # Errors
-    /// Returns [`LibraryError::Network`] or [`LibraryError::Model`] if a network cannot be read or used.
+    /// Returns [`LibraryError::Network`] with the errors of all networks that cannot be read, and
+    /// [`LibraryError::Model`] if one cannot be used.
     pub fn read(context: B::Context, materials: Materials) -> Result<(Self, Vec<String>), LibraryError> {
         let Materials { regions, rve } = materials;
         let mut reader = Reader::<B> {
@@ -79,6 +80,7 @@ impl<B: RealBackend> Library<B> {
             sources: Vec::new(),
             warnings: Vec::new(),
         };
+        reader.read_networks(&regions)?;
         let with_models = |region: Region| reader.models_of(&region.material).map(|models| (region, models));
         let regions = regions.into_iter().map(with_models).collect::<Result<Vec<_>, _>>()?;
         let Reader { models, warnings, .. } = reader;
@@ -180,6 +182,17 @@ struct Reader<'a, B: Backend> {
 }
 
 impl<B: RealBackend> Reader<'_, B> {
+    /// Reads the networks of all regions, so that the errors of all files are known before any of them is used.
+    fn read_networks(&mut self, regions: &[Region]) -> Result<(), InputErrors> {
+        let paths = regions.iter().flat_map(|region| match &region.material {
+            RegionMaterial::Formula(_) => &[][..],
+            RegionMaterial::FiberRve(rve) => &rve.networks[..],
+        });
+        let mut tried = HashSet::new();
+        let errors = paths.filter(|&path| tried.insert(path)).filter_map(|path| self.network(path).err()).collect();
+        InputErrors::of_files(errors).map_or(Ok(()), Err)
+    }
+
     /// Returns the models that the points with this material choose from.
     fn models_of(&mut self, material: &RegionMaterial) -> Result<Vec<usize>, LibraryError> {
         match material {
@@ -201,7 +214,7 @@ impl<B: RealBackend> Reader<'_, B> {
         Ok(self.models.len() - 1)
     }
 
-    fn network(&mut self, path: &PathBuf) -> Result<Arc<Network>, LibraryError> {
+    fn network(&mut self, path: &PathBuf) -> Result<Arc<Network>, InputErrors> {
         if let Some(network) = self.networks.get(path) {
             return Ok(Arc::clone(network));
         }

@@ -24,7 +24,9 @@ pub struct CheckArguments {
     /// The network files
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
-    /// Remove fibers that dangle and parts that are not connected to the boundary
+    /// Remove fibers that dangle and parts that are not connected to the boundary; merge fibers of the same law that
+    /// join the same two nodes into one with the sum of their cross-sectional areas, which responds as they do together
+    /// (fibers of different laws, and those of a network without laws, are kept and counted)
     #[arg(long, requires = "output")]
     clean: bool,
     /// Where to write the cleaned network, with its materials
@@ -73,6 +75,7 @@ fn check(file: &Path, arguments: &CheckArguments) -> Result<(), Failure> {
     // A network that cleaning would remove completely is examined all the same.
     let cleaned = cleaned.ok();
     let removable = cleaned.as_ref().map(|cleaned| cleaned.removed);
+    let kept_doubled = cleaned.as_ref().map(|cleaned| cleaned.kept_doubled_fibers);
     let after = cleaned.filter(|_| arguments.clean).map(|cleaned| cleaned.network);
     let after = after.map(|network| -> Result<_, Failure> {
         let rigidity = rigidity_of(&network, arguments)?;
@@ -83,6 +86,7 @@ fn check(file: &Path, arguments: &CheckArguments) -> Result<(), Failure> {
         let mut object = json_of_file(&report, &read);
         object["rigidity"] = json!(rigidity);
         object["removable"] = json!(removable);
+        object["kept_doubled_fibers"] = json!(kept_doubled);
         object["written"] = json!(arguments.output);
         object["cleaned"] = after.as_ref().map_or(json!(null), |(report, rigidity, network)| {
             let mut cleaned = json_of_network(report, network);
@@ -94,6 +98,10 @@ fn check(file: &Path, arguments: &CheckArguments) -> Result<(), Failure> {
     let mut out = format!("{}\n{}", report.name, text::figures(&report, &read.network, &read.cube, None));
     out.push_str(&rigidity.as_ref().map_or_else(String::new, text::rigidity));
     out.push_str(&findings(&report, removable, arguments));
+    out.push_str(&kept_doubled.map_or_else(String::new, |count| text::kept_doubled(count, &read.network)));
+    if let Some(output) = &arguments.output {
+        let _ = writeln!(out, "  written to {}", output.display());
+    }
     if let Some((report, rigidity, network)) = &after {
         let _ = write!(out, "after cleaning\n{}", text::figures(report, network, &Cube::UNIT, None));
         out.push_str(&rigidity.as_ref().map_or_else(String::new, text::rigidity));
@@ -155,9 +163,6 @@ fn findings(report: &NetworkReport, removed: Option<Removed>, arguments: &CheckA
             let done = if arguments.clean { "removed" } else { "to remove (--clean -o FILE)" };
             let _ = writeln!(text, "  {done}: {}", text::removed(&removed));
         }
-    }
-    if let Some(output) = &arguments.output {
-        let _ = writeln!(text, "  written to {}", output.display());
     }
     text
 }

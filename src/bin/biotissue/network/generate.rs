@@ -1,16 +1,18 @@
 //! `biotissue network generate`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use biotissue::fiber::network::Cube;
+use biotissue::fiber::law::FiberMaterial;
 use biotissue::fiber::network::check::examine;
 use biotissue::fiber::network::file::sidecar::{Generated, Sidecar};
 use biotissue::fiber::network::generate::{
     Alignment, GenerateError, GeneratedNetwork, GeneratorParams, Kind, MAX_STRENGTH,
 };
+use biotissue::fiber::network::{Cube, FiberTypesError};
 use clap::Args;
 use serde_json::json;
 
+use super::library::{self, Member};
 use super::{check_length, json_of_network, laws_of, text, write};
 use crate::failure::Failure;
 use crate::fiber_type::FiberTypeArgument;
@@ -50,8 +52,16 @@ pub struct GenerateArguments {
     #[arg(long, value_name = "S", value_parser = seed, default_value_t = 1, allow_hyphen_values = true)]
     seed: u64,
     /// The network file to write; a .toml file is written beside it, and a .params file if that format can hold the law
-    #[arg(short, long, value_name = "FILE")]
-    output: PathBuf,
+    #[arg(short, long, value_name = "FILE", required_unless_present = "count")]
+    output: Option<PathBuf>,
+    /// Instead of --output: write a library of N networks with the seeds S, S+1, ... (--seed S) to --directory, as
+    /// network-0001.txt and so on, numbered by the seed, each with the files beside it; existing files are not replaced
+    #[arg(long, value_name = "N", value_parser = count, allow_hyphen_values = true, requires = "directory")]
+    #[arg(conflicts_with = "output")]
+    count: Option<usize>,
+    /// The directory of the library; it is made if there is none
+    #[arg(long, value_name = "D", requires = "count")]
+    directory: Option<PathBuf>,
     #[command(flatten)]
     law: LawArguments,
     /// Instead of --law: the law of a fraction of the fibers, drawn at random by the seed; repeat until the fractions
@@ -60,7 +70,7 @@ pub struct GenerateArguments {
     /// these names; density (of the fiber material, kg/m^3)
     #[arg(long = "fiber", value_name = "KEY=VALUE,...", conflicts_with = "law")]
     fibers: Vec<FiberTypeArgument>,
-    /// Print one JSON object
+    /// Print one JSON object; of a library one per network, each on its own line
     #[arg(long)]
     json: bool,
 }
@@ -78,30 +88,97 @@ pub fn run(arguments: &GenerateArguments) -> Result<(), Failure> {
     let size = size(arguments)?;
     let material = arguments.law.material()?;
     let types: Vec<_> = arguments.fibers.iter().map(FiberTypeArgument::material).collect::<Result<_, _>>()?;
-    let made = match size {
-        Size::Points(points) => params.of_points(points),
-        Size::Nodes(nodes) => params.of_nodes(nodes),
-        Size::Density(density) => params.of_density(density),
-    };
-    let mut made = made.map_err(|error| not_generated(&error))?;
-    if let Some(material) = material {
-        made.network = made.network.of_one_material(material);
-    } else if !types.is_empty() {
-        made.network = made.network.with_random_types(types, arguments.seed).map_err(|error| {
-            let cure = "give every --fiber a fraction above 0, all together 1";
-            Failure::arguments(error.to_string(), "fractions that sum to 1", cure)
-        })?;
+    let request = Request { size, material, types };
+    match (&arguments.output, &arguments.directory, arguments.count) {
+        (Some(output), ..) => {
+            let (made, generated) = request.write(&params, output).map_err(|error| not_written(error, ""))?;
+            print_summary(arguments, output, &params, &made, &generated)
+        }
+        (None, Some(directory), Some(count)) => write_library(arguments, &params, &request, directory, count),
+        _ => Err(Failure::arguments(
+            "no option names the file of the network",
+            "--output FILE, or --count N and --directory D",
+            "add --output FILE",
+        )),
     }
-    let generated = Generated::by(&params, made.points);
-    let length_unit = Some("edge of the cube".into());
-    let sidecar = Sidecar { generated: Some(generated.clone()), length_unit, ..laws_of(&made.network) };
-    write(&arguments.output, &made.network, &sidecar)?;
-    print_summary(arguments, &params, &made, &generated)
+}
+
+/// Writes networks with consecutive seeds; those before a failure are left in the directory.
+fn write_library(
+    arguments: &GenerateArguments,
+    params: &GeneratorParams,
+    request: &Request,
+    directory: &Path,
+    count: usize,
+) -> Result<(), Failure> {
+    let members = library::members(directory, params.seed, count)?;
+    let [mut nodes, mut fibers] = [0; 2];
+    for (number, Member { seed, path }) in members.iter().enumerate() {
+        let params = GeneratorParams { seed: *seed, ..*params };
+        let place = format!(" with seed {seed}, after {number} networks");
+        let (made, generated) = request.write(&params, path).map_err(|error| not_written(error, &place))?;
+        if arguments.json {
+            print_summary(arguments, path, &params, &made, &generated)?;
+        }
+        nodes += made.network.nodes().len();
+        fibers += made.network.fibers().len();
+    }
+    if arguments.json {
+        return Ok(());
+    }
+    let mean = |sum: usize| sum as f64 / count as f64;
+    let name = |member: Option<&Member>| member.map_or_else(String::new, |member| member.path.display().to_string());
+    output::print(&format!(
+        "{} to {}: {count} {} networks, {:.1} nodes and {:.1} fibers on average\n",
+        name(members.first()),
+        name(members.last()),
+        params.kind.name(),
+        mean(nodes),
+        mean(fibers)
+    ))
+}
+
+/// What all networks of one call have in common besides the parameters of the generator.
+struct Request {
+    size: Size,
+    material: Option<FiberMaterial>,
+    types: Vec<(f64, FiberMaterial)>,
+}
+
+/// The reason why a network is not written.
+enum NotWritten {
+    Generator(GenerateError),
+    Types(FiberTypesError),
+    Files(Failure),
+}
+
+impl Request {
+    /// Generates a network and writes it to `path`, with the files beside it.
+    fn write(&self, params: &GeneratorParams, path: &Path) -> Result<(GeneratedNetwork, Generated), NotWritten> {
+        let made = match self.size {
+            Size::Points(points) => params.of_points(points),
+            Size::Nodes(nodes) => params.of_nodes(nodes),
+            Size::Density(density) => params.of_density(density),
+        };
+        let mut made = made.map_err(NotWritten::Generator)?;
+        if let Some(material) = &self.material {
+            made.network = made.network.of_one_material(material.clone());
+        } else if !self.types.is_empty() {
+            let typed = made.network.with_random_types(self.types.clone(), params.seed);
+            made.network = typed.map_err(NotWritten::Types)?;
+        }
+        let generated = Generated::by(params, made.points);
+        let length_unit = Some("edge of the cube".into());
+        let sidecar = Sidecar { generated: Some(generated.clone()), length_unit, ..laws_of(&made.network) };
+        write(path, &made.network, &sidecar).map_err(NotWritten::Files)?;
+        Ok((made, generated))
+    }
 }
 
 /// Prints a summary of the generated network.
 fn print_summary(
     arguments: &GenerateArguments,
+    file: &Path,
     params: &GeneratorParams,
     made: &GeneratedNetwork,
     generated: &Generated,
@@ -110,19 +187,14 @@ fn print_summary(
     let axis = params.alignment.map(|alignment| alignment.axis());
     if arguments.json {
         let mut object = json_of_network(&report, &made.network);
-        object["file"] = json!(arguments.output);
+        object["file"] = json!(file);
         object["generated"] = json!(generated);
         object["removed"] = json!(made.removed);
         object["order_of_alignment"] = json!(axis.map(|axis| report.order_about(axis)[0]));
         return output::print_json(&object);
     }
-    let mut text = format!(
-        "{}: {}, {} points, seed {}\n",
-        arguments.output.display(),
-        params.kind.name(),
-        made.points,
-        params.seed
-    );
+    let mut text =
+        format!("{}: {}, {} points, seed {}\n", file.display(), params.kind.name(), made.points, params.seed);
     text.push_str(&text::figures(&report, &made.network, &Cube::UNIT, axis));
     if !made.removed.is_nothing() {
         text.push_str(&format!("  removed          {}\n", text::removed(&made.removed)));
@@ -182,10 +254,22 @@ fn alignment(arguments: &GenerateArguments) -> Result<Option<Alignment>, Failure
         let (what, expected) = (format!("invalid --align \"{text}\""), "three numbers: \"x y z\"");
         Failure::arguments(what, expected, "fibers along x: --align \"1 0 0\"; the quotes are required")
     })?;
-    Alignment::new(direction, strength).map(Some).map_err(|error| not_generated(&error))
+    Alignment::new(direction, strength).map(Some).map_err(|error| not_generated(&error, ""))
 }
 
-fn not_generated(error: &GenerateError) -> Failure {
+/// Returns the failure for a network that is not written; `place` names the member of a library.
+fn not_written(error: NotWritten, place: &str) -> Failure {
+    match error {
+        NotWritten::Generator(error) => not_generated(&error, place),
+        NotWritten::Types(error) => {
+            let cure = "give every --fiber a fraction above 0, all together 1";
+            Failure::arguments(error.to_string(), "fractions that sum to 1", cure)
+        }
+        NotWritten::Files(failure) => failure,
+    }
+}
+
+fn not_generated(error: &GenerateError, place: &str) -> Failure {
     let (expected, cure) = match error {
         GenerateError::Points { .. } => ("--points in that range", "change --points".to_owned()),
         GenerateError::Nodes { .. } => ("--nodes in that range", "change --nodes, or give --points".into()),
@@ -213,5 +297,5 @@ fn not_generated(error: &GenerateError) -> Failure {
             "ask for a larger network, trim, merge or align it less, or change --seed".into(),
         ),
     };
-    Failure::arguments(format!("no network can be generated: {error}"), expected, cure)
+    Failure::arguments(format!("no network can be generated{place}: {error}"), expected, cure)
 }

@@ -1,9 +1,11 @@
-//! `biotissue network`: make, examine, clean and draw fiber networks.
+//! `biotissue network`: make, examine, clean, convert and draw fiber networks.
 
 mod check;
+mod convert;
 mod draw;
 mod generate;
 mod info;
+mod library;
 mod text;
 
 use std::path::Path;
@@ -22,10 +24,12 @@ use crate::output;
 /// What to do with networks.
 #[derive(Subcommand)]
 pub enum NetworkCommand {
-    /// Make a network from random points; the same seed gives the same network everywhere
+    /// Make a network from random points, or a library of them; the same seed gives the same network everywhere
     Generate(generate::GenerateArguments),
     /// Find parts that carry no load and motions without resistance (exit code 0 in any case); clean on request
     Check(check::CheckArguments),
+    /// Write a network of any format that can be read in the current format, with its laws
+    Convert(convert::ConvertArguments),
     /// Print the properties of a network
     Info(info::InfoArguments),
     /// Draw a network, at rest or deformed
@@ -37,6 +41,7 @@ pub fn run(command: NetworkCommand) -> Result<(), Failure> {
     match command {
         NetworkCommand::Generate(arguments) => generate::run(&arguments),
         NetworkCommand::Check(arguments) => check::run(&arguments),
+        NetworkCommand::Convert(arguments) => convert::run(&arguments),
         NetworkCommand::Info(arguments) => info::run(&arguments),
         NetworkCommand::Draw(arguments) => draw::run(&arguments),
     }

@@ -8,10 +8,29 @@ use biotissue::fiber::network::file::sidecar::NamedLaw;
 use biotissue::fiber::network::{Cube, Network};
 
 /// Describes what cleaning removes.
-pub fn removed(Removed { short_fibers, dangling_fibers, unsupported_fibers, nodes }: &Removed) -> String {
-    format!(
+pub fn removed(removed: &Removed) -> String {
+    let Removed { short_fibers, dangling_fibers, unsupported_fibers, merged_fibers, nodes } = removed;
+    let mut text = format!(
         "{short_fibers} short, {dangling_fibers} dangling and {unsupported_fibers} unsupported fibers, {nodes} nodes"
-    )
+    );
+    if *merged_fibers > 0 {
+        let _ = write!(text, "; {merged_fibers} doubled fibers (merged with those of the same law beside them)");
+    }
+    text
+}
+
+/// Describes the doubled fibers that cleaning does not merge.
+pub fn kept_doubled(count: usize, network: &Network) -> String {
+    if count == 0 {
+        return String::new();
+    }
+    let fibers = if count == 1 { "fiber" } else { "fibers" };
+    let why = if network.materials().is_empty() {
+        "the network has no laws"
+    } else {
+        "fibers with the same nodes have different laws"
+    };
+    format!("  not merged: {count} doubled {fibers}, since {why}\n")
 }
 
 /// Describes the properties of a network. The order parameter refers to `axis`, or else to the principal direction.

@@ -34,7 +34,9 @@ pub struct RveCommand {
     gradient: Option<String>,
     #[command(flatten)]
     law: LawArguments,
-    /// "raw" (forces of the unit cube, not scaled), or the fiber volume fraction
+    /// "raw" (forces of the unit cube, not scaled), or the fiber volume fraction (stresses in Pa). The network is scaled
+    /// to the unit cube, the radius is not: in a cube of edge A (`biotissue network info` prints that of the file), in
+    /// the unit of the radius, the stress in Pa is the raw one divided by A^2
     #[arg(long, value_name = "raw|PHI", default_value = "raw", allow_hyphen_values = true)]
     scale: String,
     /// Increments from the undeformed state to F

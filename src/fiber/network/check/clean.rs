@@ -3,6 +3,7 @@
 use std::collections::HashSet;
 
 use super::components::roots;
+use super::merge::{Merged, merge_doubled};
 use crate::fiber::network::{BOUNDARY_TOLERANCE, Cube, Network, NetworkError};
 
 /// A cleaned network and the counts of the removed parts.
@@ -12,8 +13,11 @@ pub struct Cleaned {
     pub network: Network,
     /// The remaining nodes, by their former numbers.
     pub kept_nodes: Vec<u32>,
-    /// The remaining fibers, by their former numbers.
+    /// The remaining fibers, by their former numbers; of merged fibers the first.
     pub kept_fibers: Vec<u32>,
+    /// Number of remaining fibers that join the same two nodes as an earlier one, because their laws differ or the
+    /// network has no laws.
+    pub kept_doubled_fibers: usize,
     /// The counts of removed fibers and nodes.
     pub removed: Removed,
 }
@@ -29,6 +33,8 @@ pub struct Removed {
     pub dangling_fibers: usize,
     /// Number of fibers of components that are not connected to the boundary.
     pub unsupported_fibers: usize,
+    /// Number of fibers merged into an earlier fiber with the same two nodes and the same law.
+    pub merged_fibers: usize,
     /// Number of nodes removed because no fiber is left at them.
     pub nodes: usize,
 }
@@ -44,8 +50,14 @@ impl Removed {
 /// components not connected to the boundary, and nodes without fibers. If a face would lose its last node, the first
 /// node of the face is kept, so that the bounding box does not change.
 ///
+/// Fibers that join the same two nodes and have the same law are merged into one with the sum of their cross-sectional
+/// areas, which responds as all of them together. For merged fibers, the materials of the network get new entries, with
+/// the radii of the sums; all fibers keep their response. A law that later replaces all materials loses these sums.
+/// Fibers of different laws, and those of a network without laws, are not merged.
+///
 /// # Errors
-/// Returns [`NetworkError::NoFibers`] if no fiber would be left.
+/// Returns [`NetworkError::NoFibers`] if no fiber would be left, and [`NetworkError::TooMany`] if the merged fibers
+/// would need more than 65535 materials.
 pub fn clean(network: &Network, min_length: Option<f64>) -> Result<Cleaned, NetworkError> {
     let mut removed = Removed::default();
     let mut keep = vec![true; network.fibers().len()];
@@ -58,10 +70,16 @@ pub fn clean(network: &Network, min_length: Option<f64>) -> Result<Cleaned, Netw
     removed.dangling_fibers = drop_dangling(network, &mut keep);
     removed.unsupported_fibers = drop_unsupported(network, &mut keep);
     let kept_fibers: Vec<u32> = (0u32..).zip(&keep).filter_map(|(fiber, &keep)| keep.then_some(fiber)).collect();
+    let Merged { fibers: kept_fibers, materials, material_of, count, doubled } = merge_doubled(network, &kept_fibers)?;
+    removed.merged_fibers = count;
     let used = used_nodes(network, &kept_fibers);
     let kept_nodes: Vec<u32> = (0u32..).zip(&used).filter_map(|(node, &used)| used.then_some(node)).collect();
     removed.nodes = network.nodes().len() - kept_nodes.len();
-    Ok(Cleaned { network: restrict(network, &kept_nodes, &kept_fibers)?, kept_nodes, kept_fibers, removed })
+    let mut restricted = restrict(network, &kept_nodes, &kept_fibers)?;
+    if !materials.is_empty() {
+        restricted = restricted.with_materials(materials, material_of)?;
+    }
+    Ok(Cleaned { network: restricted, kept_nodes, kept_fibers, kept_doubled_fibers: doubled, removed })
 }
 
 /// Returns, for every node, whether it has one of the fibers, or is kept as the only node of a face.
@@ -145,7 +163,7 @@ fn drop_unsupported(network: &Network, keep: &mut [bool]) -> usize {
     dropped
 }
 
-/// Creates the network of the given nodes and fibers, with the nodes renumbered, in the same cube.
+/// Creates the network of the given nodes and fibers without materials, with the nodes renumbered, in the same cube.
 fn restrict(network: &Network, nodes: &[u32], fibers: &[u32]) -> Result<Network, NetworkError> {
     let mut number = vec![0u32; network.nodes().len()];
     for (new, &old) in (0u32..).zip(nodes) {
@@ -153,10 +171,5 @@ fn restrict(network: &Network, nodes: &[u32], fibers: &[u32]) -> Result<Network,
     }
     let positions = nodes.iter().map(|&node| network.nodes()[node as usize]).collect();
     let ends = fibers.iter().map(|&fiber| network.fibers()[fiber as usize].map(|node| number[node as usize])).collect();
-    let restricted = Network::in_cube(network.name(), Cube::UNIT, positions, ends)?;
-    if network.materials().is_empty() {
-        return Ok(restricted);
-    }
-    let material_of = fibers.iter().map(|&fiber| network.material_of()[fiber as usize]).collect();
-    restricted.with_materials(network.materials().to_vec(), material_of)
+    Network::in_cube(network.name(), Cube::UNIT, positions, ends)
 }

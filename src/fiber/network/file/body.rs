@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use super::lines::{COMPARE, Line, Parser};
+use super::older;
 use crate::fiber::network::geometry::{doubled, problems};
 use crate::fiber::network::{Cube, NetworkError};
 use crate::input::{InputError, InputErrors};
@@ -25,6 +26,22 @@ struct Sections<'l, 't> {
     periodic: &'l [Line<'t>],
 }
 
+/// The numbers of the lines that give the nodes and the fibers.
+pub(super) struct LineNumbers {
+    pub(super) nodes: Vec<usize>,
+    pub(super) fibers: Vec<usize>,
+}
+
+impl LineNumbers {
+    fn of_node(&self, node: usize) -> usize {
+        self.nodes.get(node).copied().unwrap_or(1)
+    }
+
+    fn of_fiber(&self, fiber: usize) -> usize {
+        self.fibers.get(fiber).copied().unwrap_or(1)
+    }
+}
+
 /// Parses and checks the contents of a network file.
 ///
 /// # Errors
@@ -32,6 +49,9 @@ struct Sections<'l, 't> {
 pub(super) fn parse(file: &Path, bytes: &[u8]) -> Result<Body, InputErrors> {
     let mut parser = Parser::new(file);
     let lines = parser.lines(bytes)?;
+    if older::is_older(&lines) {
+        return older::parse(&mut parser, &lines);
+    }
     let sections = divide(&mut parser, &lines)?;
     let mut nodes = Vec::with_capacity(sections.nodes.len());
     for &line in sections.nodes {
@@ -43,26 +63,45 @@ pub(super) fn parse(file: &Path, bytes: &[u8]) -> Result<Body, InputErrors> {
     let periodic = pairs(&mut parser, sections.periodic, expected, 1, sections.nodes.len())?;
     parser.outcome()?;
     let cube = cube(&parser, &nodes)?;
-    for problem in problems(cube, &nodes, &fibers) {
-        let error = explain(&parser, &sections, &problem);
-        parser.record(error)?;
-    }
-    parser.outcome()?;
+    let numbers = LineNumbers { nodes: numbers_of(sections.nodes), fibers: numbers_of(sections.fibers) };
+    check(&mut parser, &numbers, cube, &nodes, &fibers)?;
     let mut warnings = parser.warnings();
     if !periodic.is_empty() {
         let (file, pairs) = (file.display(), periodic.len());
         warnings.push(format!("{file}: {pairs} periodic pairs are read but not used: the boundary moves affinely"));
     }
-    if let [first, more @ ..] = doubled(&fibers).as_slice() {
-        let line = sections.fibers.get(*first as usize).map_or(1, |line| line.number);
-        let (file, count) = (file.display(), more.len() + 1);
-        let join = if count == 1 { "fiber joins" } else { "fibers join" };
-        warnings.push(format!(
-            "{file}:{line}: {count} {join} two nodes that another fiber already joins (this is the first); \
-             all contribute"
-        ));
-    }
+    warnings.extend(doubled_warning(&parser, &numbers, &fibers));
     Ok(Body { nodes, fibers, periodic, cube, warnings })
+}
+
+fn numbers_of(lines: &[Line<'_>]) -> Vec<usize> {
+    lines.iter().map(|line| line.number).collect()
+}
+
+/// Records all problems of the geometry, and returns an `Err` if there are any.
+pub(super) fn check(
+    parser: &mut Parser<'_>,
+    numbers: &LineNumbers,
+    cube: Cube,
+    nodes: &[[f64; 3]],
+    fibers: &[[u32; 2]],
+) -> Result<(), InputErrors> {
+    for problem in problems(cube, nodes, fibers) {
+        let error = explain(parser, numbers, &problem);
+        parser.record(error)?;
+    }
+    parser.outcome()
+}
+
+/// Returns the warning of fibers that join the same two nodes, if there are any.
+pub(super) fn doubled_warning(parser: &Parser<'_>, numbers: &LineNumbers, fibers: &[[u32; 2]]) -> Option<String> {
+    let found = doubled(fibers);
+    let line = numbers.of_fiber(*found.first()? as usize);
+    let (file, count) = (parser.file.display(), found.len());
+    let join = if count == 1 { "fiber joins" } else { "fibers join" };
+    Some(format!(
+        "{file}:{line}: {count} {join} two nodes that another fiber already joins (this is the first); all contribute"
+    ))
 }
 
 /// Reads the header and checks that its counts agree with the number of lines, before memory is allocated according to
@@ -152,9 +191,8 @@ fn cube(parser: &Parser<'_>, nodes: &[[f64; 3]]) -> Result<Cube, InputError> {
 }
 
 /// Describes a problem of the geometry, with the lines that cause it.
-fn explain(parser: &Parser<'_>, sections: &Sections<'_, '_>, problem: &NetworkError) -> InputError {
-    let node_line = |node: usize| sections.nodes.get(node).map_or(1, |line| line.number);
-    let fiber_line = |fiber: usize| sections.fibers.get(fiber).map_or(1, |line| line.number);
+fn explain(parser: &Parser<'_>, numbers: &LineNumbers, problem: &NetworkError) -> InputError {
+    let (node_line, fiber_line) = (|node| numbers.of_node(node), |fiber| numbers.of_fiber(fiber));
     match *problem {
         NetworkError::Loop { fiber, .. } => parser.error(
             fiber_line(fiber),
@@ -171,6 +209,12 @@ fn explain(parser: &Parser<'_>, sections: &Sections<'_, '_>, problem: &NetworkEr
             let cure = format!("merge the two, or move one; the other is on line {}", node_line(first));
             parser.error(node_line(second), problem.to_string(), "a different position for every node", cure)
         }
+        NetworkError::Outside { node, .. } => parser.error(
+            node_line(node),
+            problem.to_string(),
+            "nodes inside the cube and on its faces",
+            "move the node, or correct the size of the cube",
+        ),
         NetworkError::NoFibers => {
             parser.error(1, problem.to_string(), "at least one fiber", "generate the network again, with more points")
         }

@@ -10,6 +10,7 @@ mod generated;
 mod lines;
 #[cfg(feature = "app")]
 mod named_law;
+mod older;
 mod params;
 #[cfg(feature = "app")]
 pub mod sidecar;
@@ -54,6 +55,19 @@ pub struct NetworkFile {
 /// a b                          one line per periodic pair, counted from 1
 /// ```
 ///
+/// The older format of such files is read too. It gives the ends of every fiber with their positions, and may end with
+/// half the edge `h` of the cube `[-h, h]^3`:
+///
+/// ```text
+/// NODES DOFS FIBERS            three counts, DOFS = 3 NODES
+/// id n1 n2 x y z x y z         one line per fiber, nodes counted from 1
+/// h                            optional
+/// ```
+///
+/// It is recognized by the nine columns of its first fiber, where the counts do not agree with the current format.
+/// Without `h`, the cube is the unit cube `[-1/2, 1/2]^3` if all nodes lie in it and one on its faces, and otherwise the
+/// bounding box. If the fibers do not reach all faces of the cube, nodes without fibers are added at two corners.
+///
 /// A file `NAME.params` beside `NAME` may first list reactions, that is, fiber materials, and then the reaction of
 /// every fiber:
 ///
@@ -66,7 +80,8 @@ pub struct NetworkFile {
 ///
 /// With the feature `app`, a file `NAME.toml` may define laws, which are used if there is no `.params` file. Blank
 /// lines are allowed; extra numbers on a line are ignored with a warning. If several fibers join the same two nodes,
-/// all of them contribute, with one warning per file. The network is centered and scaled to the unit cube.
+/// all of them contribute, with one warning per file. The network is centered and scaled to the unit cube, whatever the
+/// unit of its coordinates; [`NetworkFile::cube`] is the cube in that unit.
 ///
 /// # Errors
 /// Returns all errors in the files, up to about twenty, each with its line: wrong counts, words that are not numbers,

@@ -291,3 +291,29 @@ fn nodes_of_published_networks_keep_their_positions() {
     assert_eq!(3 * large.network.interior().len(), 13_326);
     assert_eq!(large.cube, Cube { lower: [-2.5; 3], edges: [5.0; 3] });
 }
+
+/// All files of the folder `ligament` beside the published networks can be read: those of the current format with their
+/// laws, and those of the older one.
+#[test]
+fn all_networks_of_the_published_ligament_are_read() {
+    let Some(folder) = std::env::var_os("BIOTISSUE_NETWORKS").map(|folder| PathBuf::from(folder).join("ligament"))
+    else {
+        return skip::skip("BIOTISSUE_NETWORKS is not set");
+    };
+    let Ok(entries) = std::fs::read_dir(&folder) else {
+        return skip::skip(&format!("there is no folder {}", folder.display()));
+    };
+    let paths = entries.map(|entry| entry.unwrap().path());
+    let networks: Vec<PathBuf> = paths.filter(|path| path.extension().is_some_and(|end| end == "txt")).collect();
+    assert!(!networks.is_empty(), "no networks in {}", folder.display());
+    let refused: Vec<String> =
+        networks.iter().filter_map(|path| read(path).err()).map(|error| error.to_string()).collect();
+    assert!(refused.is_empty(), "{} of {} refused: {}", refused.len(), networks.len(), refused.join("\n"));
+    for path in networks {
+        let network = read(&path).unwrap().network;
+        let cleaned = crate::fiber::network::check::clean(&network, None).unwrap();
+        if !network.materials().is_empty() {
+            assert_eq!(cleaned.kept_doubled_fibers, 0, "all fibers have one law: {}", path.display());
+        }
+    }
+}
