@@ -1,4 +1,5 @@
-//! Plausibility check of the loads, stiffnesses and lengths of a case, which finds wrong units before the solve.
+//! Plausibility check of the loads, stiffnesses, lengths and elements of a case, which finds wrong units and poor meshes
+//! before the solve.
 //!
 //! Each load is converted to the strain that it would cause in a uniform body: a displacement divided by the longest
 //! edge of the body, a traction divided by the stiffness of the softest region, a body force times that edge divided by
@@ -7,6 +8,7 @@
 
 mod loads;
 mod locking;
+mod shapes;
 
 use crate::app::case::{Case, Formula, RigidCase, SurfaceLoad};
 use crate::fem::mesh::Mesh;
@@ -14,6 +16,7 @@ use crate::las::RealBackend;
 use crate::tissue::micro_scale::Library;
 use loads::loads;
 use locking::{check_locking, greatest_poisson_ratio};
+use shapes::check_shapes;
 
 /// Strain above which a load is implausible for tissue.
 const LARGEST_STRAIN: f64 = 3.0;
@@ -69,6 +72,7 @@ pub(super) fn warnings<B: RealBackend>(case: &Case, mesh: &Mesh, library: &Libra
         })
         .collect();
     let mut warnings = check_magnitudes(case, mesh, &stiffnesses);
+    warnings.extend(check_shapes(case, mesh));
     let ratios = (0..case.regions.len()).map(|region| greatest_poisson_ratio(library.formulas_of_region(region)));
     warnings.extend(check_locking(case, mesh, &ratios.collect::<Vec<_>>()));
     warnings
@@ -184,7 +188,7 @@ fn in_region(case: &Case, region: usize, message: &str) -> String {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use std::path::Path;
     use std::sync::Arc;
 
@@ -192,7 +196,7 @@ mod tests {
     use crate::fem::element::ElementType;
     use crate::fem::mesh::shapes::{cuboid, cuboid_of};
 
-    const CASE: &str = r#"[mesh]
+    pub const CASE: &str = r#"[mesh]
 generate = { shape = "box", cells = [1, 1, 1], size = [1.0, 1.0, 1.0] }
 [[region]]
 name = "*"

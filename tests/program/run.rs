@@ -125,6 +125,15 @@ fn check_prints_the_plan_and_writes_nothing() {
     );
     assert_eq!((&plan["element_types"], &plan["integration_points"]), (&serde_json::json!({ "tet4": 6 }), &6.into()));
     assert!(plan["rve_bytes"].as_u64() > Some(0));
+    assert_eq!(plan["bounding_box"], serde_json::json!([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]]));
+    for (found, expected) in [
+        (&plan["volume"], 1.0),
+        (&plan["surface_areas"]["y1"], 1.0),
+        (&plan["quality"]["minimum"], 1.2 * 0.5_f64.powf(2.0 / 3.0)),
+        (&plan["quality"]["median"], 1.2 * 0.5_f64.powf(2.0 / 3.0)),
+    ] {
+        assert!((found.as_f64().unwrap() - expected).abs() < 1e-12, "{found}, {expected}");
+    }
     let text = line(folder.path(), "check case.toml");
     for words in [
         "title      Fibers",
@@ -133,7 +142,9 @@ fn check_prints_the_plan_and_writes_nothing() {
         "8 free",
         "frozen.txt",
         "condition  surface \"x1\" (2 faces, 1.0000e0 m^2): displacement x\n",
-        "free       surfaces y0, y1, z0, z1\n",
+        "free       surfaces y0 (1.0000e0 m^2), y1 (1.0000e0 m^2), z0 (1.0000e0 m^2), z1 (1.0000e0 m^2)\n",
+        "box        [0.0, 0.0, 0.0] to [1.0, 1.0, 1.0] m, volume 1.0000e0 m^3\n",
+        "quality    0.756 (element 0) or better, median 0.756; mean ratio, 1 is ideal\n",
     ] {
         assert!(text.done().contains(words), "{words}: {}", text.stdout);
     }

@@ -1,6 +1,7 @@
 //! `biotissue check`: reads and checks a case and all its files, and prints the plan without solving anything.
 
 mod measured;
+mod mesh_plan;
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -14,6 +15,7 @@ use clap::Args;
 use serde::Serialize;
 
 use self::measured::Measured;
+use self::mesh_plan::MeshPlan;
 
 use crate::conditions::{ConditionPlan, conditions};
 use crate::dispatch::{Job, ProgramBackend, dispatch};
@@ -62,6 +64,8 @@ struct Plan {
     element_types: BTreeMap<&'static str, usize>,
     integration_points: usize,
     nodes: usize,
+    #[serde(flatten)]
+    mesh: MeshPlan,
     unknowns: usize,
     rves: usize,
     rve_bytes: usize,
@@ -114,6 +118,11 @@ impl Job for CheckJob {
             ..
         } = size;
         let (conditions, free_surfaces) = conditions(setup.case(), setup.mesh());
+        let mesh = MeshPlan::new(setup.mesh());
+        let is_listed = |surface: &str| setup.case().boundaries.iter().any(|boundary| boundary.surface == surface);
+        let wall = |surface: &String| if is_listed(surface) { surface.clone() } else { mesh.with_area(surface) };
+        let constraints = &setup.case().constraints;
+        let constraints = constraints.iter().map(|each| description(&each.constraint, wall)).collect();
         let mut plan = Plan {
             title: setup.case().title.clone(),
             backend: B::NAME,
@@ -121,6 +130,7 @@ impl Job for CheckJob {
             element_types: setup.mesh().elements().count_by_type().iter().map(|(of, n)| (of.name(), *n)).collect(),
             integration_points: setup.mesh().points().len(),
             nodes,
+            mesh,
             unknowns,
             rves,
             rve_bytes,
@@ -140,7 +150,7 @@ impl Job for CheckJob {
                     component: ["x", "y", "z"][usize::from(component)],
                 })
                 .collect(),
-            constraints: setup.case().constraints.iter().map(|each| description(&each.constraint)).collect(),
+            constraints,
             steps,
             threads,
             ranks: setup.case().scales.least(),
@@ -162,12 +172,18 @@ impl Job for CheckJob {
     }
 }
 
-/// Describes a volume constraint, such as `lumen: cavity of inner, lid; volume constant; by multiplier`.
-fn description(VolumeConstraint { name, of, curve, method }: &VolumeConstraint) -> String {
+/// Describes a volume constraint, such as `lumen: cavity of inner, lid; volume constant; by multiplier`; `wall` describes a
+/// surface.
+fn description(
+    VolumeConstraint { name, of, curve, method }: &VolumeConstraint,
+    wall: impl Fn(&String) -> String,
+) -> String {
     let of = match of {
         ConstrainedVolume::Region(region) if region == "*" => "the whole body".into(),
         ConstrainedVolume::Region(region) => format!("region {region}"),
-        ConstrainedVolume::Cavity(surfaces) => format!("cavity of {}", surfaces.join(", ")),
+        ConstrainedVolume::Cavity(surfaces) => {
+            format!("cavity of {}", surfaces.iter().map(wall).collect::<Vec<_>>().join(", "))
+        }
     };
     let target = if curve.is_some() { "driven" } else { "constant" };
     let method = match method {
@@ -184,16 +200,20 @@ impl Plan {
             format!("title      {}", self.title),
             format!("mesh       {} elements, {} nodes", self.elements, self.nodes),
             format!("elements   {}; {} integration points", types.join(", "), self.integration_points),
+        ];
+        lines.extend(self.mesh.text());
+        lines.extend([
             format!("regions    {}", self.regions.join(", ")),
             format!("unknowns   {} free, backend {}", self.unknowns, self.backend),
             format!("RVEs       {}", self.rves),
-        ];
+        ]);
         for network in &self.networks {
             lines.push(format!("  {:<24} {:>6} unknowns, {:>6} RVEs", network.name, network.unknowns, network.rves));
         }
         lines.extend(self.conditions.iter().map(ConditionPlan::text));
         if !self.free_surfaces.is_empty() {
-            lines.push(format!("free       surfaces {}", self.free_surfaces.join(", ")));
+            let free: Vec<String> = self.free_surfaces.iter().map(|surface| self.mesh.with_area(surface)).collect();
+            lines.push(format!("free       surfaces {}", free.join(", ")));
         }
         for SupportPlan { node, position: [x, y, z], component } in &self.supports {
             let place = format!("node {node} at ({x:.4e}, {y:.4e}, {z:.4e}) m");
