@@ -2,6 +2,7 @@
 
 mod measured;
 mod mesh_plan;
+mod networks;
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -16,6 +17,7 @@ use serde::Serialize;
 
 use self::measured::Measured;
 use self::mesh_plan::MeshPlan;
+use self::networks::network_lines;
 
 use crate::conditions::{ConditionPlan, conditions};
 use crate::dispatch::{Job, ProgramBackend, dispatch};
@@ -207,9 +209,7 @@ impl Plan {
             format!("unknowns   {} free, backend {}", self.unknowns, self.backend),
             format!("RVEs       {}", self.rves),
         ]);
-        for network in &self.networks {
-            lines.push(format!("  {:<24} {:>6} unknowns, {:>6} RVEs", network.name, network.unknowns, network.rves));
-        }
+        lines.extend(network_lines(&self.networks));
         lines.extend(self.conditions.iter().map(ConditionPlan::text));
         if !self.free_surfaces.is_empty() {
             let free: Vec<String> = self.free_surfaces.iter().map(|surface| self.mesh.with_area(surface)).collect();
