@@ -86,10 +86,7 @@ fn youngs_modulus(formula: &Formula) -> f64 {
 fn check_magnitudes(case: &Case, mesh: &Mesh, stiffnesses: &[Stiffness]) -> Vec<String> {
     let edge = longest_edge(mesh);
     let mut warnings = Vec::new();
-    if !SENSIBLE_EDGES.contains(&edge) {
-        let cure = "`scale` of [mesh] is the length of a mesh unit in m: 0.001 for a mesh in mm";
-        warnings.push(at(case, case.mesh_line, &format!("the longest edge of the body is {} m: {cure}", short(edge))));
-    }
+    warnings.extend(check_size(case, mesh, edge));
     warnings.extend(check_references(case, mesh, edge));
     warnings.extend(check_stiffnesses(case, stiffnesses));
     let softest = stiffnesses.iter().min_by(|a, b| a.total().total_cmp(&b.total()));
@@ -107,6 +104,24 @@ fn check_magnitudes(case: &Case, mesh: &Mesh, stiffnesses: &[Stiffness]) -> Vec<
         ));
     }
     warnings
+}
+
+/// Finds a body that is too large or too small for tissue, and names the `scale` that its mesh probably needs.
+fn check_size(case: &Case, mesh: &Mesh, edge: f64) -> Option<String> {
+    if SENSIBLE_EDGES.contains(&edge) {
+        return None;
+    }
+    let [low, high] = mesh.bounding_box();
+    let lengths = [0, 1, 2].map(|axis| short(high[axis] - low[axis])).join(" x ");
+    let cure = match case.mesh_scale {
+        1.0 if edge > *SENSIBLE_EDGES.end() => {
+            // The largest length of a mesh unit with which the body is of a sensible size.
+            let (scale, unit) = if edge * 1e-3 <= *SENSIBLE_EDGES.end() { ("0.001", "mm") } else { ("1e-6", "um") };
+            format!("if the mesh is in {unit}, set `scale = {scale}` in [mesh]")
+        }
+        scale => format!("`scale` of [mesh], now {scale:?}, is the length of a mesh unit in m: 0.001 for a mesh in mm"),
+    };
+    Some(at(case, case.mesh_line, &format!("the body measures {lengths} m: {cure}")))
 }
 
 /// Finds reference points of rigid surfaces far from the body.
@@ -233,9 +248,15 @@ displacement = { x = 0.1 }
 
     #[test]
     fn a_mesh_in_millimeters_is_found() {
-        let edge = "2: the longest edge of the body is 50 m: `scale` of [mesh] is the length of a mesh unit in m: 0.001 for a \
-                    mesh in mm";
-        assert_eq!(warnings_of(CASE, 50.0, None), [edge]);
+        let found = |text: &str, edge: f64| warnings_of(text, edge, None);
+        let size = "2: the body measures 50 x 25 x 25 m: if the mesh is in mm, set `scale = 0.001` in [mesh]";
+        assert_eq!(found(CASE, 50.0), [size]);
+        let size = "2: the body measures 8000 x 4000 x 4000 m: if the mesh is in um, set `scale = 1e-6` in [mesh]";
+        assert_eq!(found(CASE, 8000.0), [size]);
+        let scaled = CASE.replace("[mesh]\n", "[mesh]\nscale = 0.001\n").replace("x = 0.1", "x = 1e-6");
+        let size = "3: the body measures 5.0e-6 x 2.5e-6 x 2.5e-6 m: `scale` of [mesh], now 0.001, is the length of a mesh unit in m: \
+                    0.001 for a mesh in mm";
+        assert_eq!(found(&scaled, 5e-6), [size]);
         let long = CASE.replace("x = 0.1", "x = -5.0");
         let displacement = "9: the displacement of surface \"x1\" is 5 m, and the longest edge of the body 0.1 m: are both in \
                             m? `scale` of [mesh] is the length of a mesh unit in m";
