@@ -25,4 +25,5 @@ mod rve_files;
 mod stress;
 pub mod vtu;
 
+pub use plausibility::{LoadOf, LoadSize};
 pub use recorder::Progress;

@@ -2,10 +2,11 @@
 //! before the solve.
 //!
 //! Each load is converted to the strain that it would cause in a uniform body: a displacement divided by the longest
-//! edge of the body, a traction divided by the stiffness of the softest region, a body force times that edge divided by
-//! the same stiffness. These are orders of magnitude, sufficient to find a modulus in MPa or a mesh in mm, and not used
+//! edge of the body, a traction divided by the stiffness of the softest region on which it acts, a body force times that
+//! edge divided by the same stiffness. These are orders of magnitude, sufficient to find a modulus in MPa or a mesh in mm, and not used
 //! otherwise.
 
+mod load_size;
 mod loads;
 mod locking;
 mod shapes;
@@ -14,7 +15,8 @@ use crate::app::case::{Case, Formula, RigidCase, SurfaceLoad};
 use crate::fem::mesh::Mesh;
 use crate::las::RealBackend;
 use crate::tissue::micro_scale::Library;
-use loads::loads;
+pub use load_size::{LoadOf, LoadSize};
+use loads::{Load, loads};
 use locking::{check_locking, greatest_poisson_ratio};
 use shapes::check_shapes;
 
@@ -49,8 +51,16 @@ impl Stiffness {
     }
 }
 
-/// Returns the warnings for a case with implausible numbers, one line each, with the place in the case file.
-pub(super) fn warnings<B: RealBackend>(case: &Case, mesh: &Mesh, library: &Library<B>) -> Vec<String> {
+/// What the check found.
+pub(super) struct Plausibility {
+    /// Implausible numbers, one line each, with the place in the case file.
+    pub warnings: Vec<String>,
+    /// The sizes of the tractions, pressures and body forces.
+    pub loads: Vec<LoadSize>,
+}
+
+/// Checks the numbers of a case.
+pub(super) fn check<B: RealBackend>(case: &Case, mesh: &Mesh, library: &Library<B>) -> Plausibility {
     let mut regions: Vec<usize> = mesh.regions().iter().filter_map(|name| case.region_of(name)).collect();
     regions.sort_unstable();
     regions.dedup();
@@ -71,11 +81,11 @@ pub(super) fn warnings<B: RealBackend>(case: &Case, mesh: &Mesh, library: &Libra
             Stiffness { region, formula, fibers }
         })
         .collect();
-    let mut warnings = check_magnitudes(case, mesh, &stiffnesses);
+    let Plausibility { mut warnings, loads } = check_magnitudes(case, mesh, &stiffnesses);
     warnings.extend(check_shapes(case, mesh));
     let ratios = (0..case.regions.len()).map(|region| greatest_poisson_ratio(library.formulas_of_region(region)));
     warnings.extend(check_locking(case, mesh, &ratios.collect::<Vec<_>>()));
-    warnings
+    Plausibility { warnings, loads }
 }
 
 fn youngs_modulus(formula: &Formula) -> f64 {
@@ -83,14 +93,13 @@ fn youngs_modulus(formula: &Formula) -> f64 {
     9.0 * bulk * mu / (3.0 * bulk + mu)
 }
 
-fn check_magnitudes(case: &Case, mesh: &Mesh, stiffnesses: &[Stiffness]) -> Vec<String> {
+fn check_magnitudes(case: &Case, mesh: &Mesh, stiffnesses: &[Stiffness]) -> Plausibility {
     let edge = longest_edge(mesh);
     let mut warnings = Vec::new();
     warnings.extend(check_size(case, mesh, edge));
     warnings.extend(check_references(case, mesh, edge));
     warnings.extend(check_stiffnesses(case, stiffnesses));
-    let softest = stiffnesses.iter().min_by(|a, b| a.total().total_cmp(&b.total()));
-    let loads = loads(case, mesh, edge, softest);
+    let loads = loads(case, mesh, edge, stiffnesses);
     warnings.extend(
         loads.iter().filter(|load| load.strain > LARGEST_STRAIN).map(|load| at(case, load.line, &load.message)),
     );
@@ -103,7 +112,7 @@ fn check_magnitudes(case: &Case, mesh: &Mesh, stiffnesses: &[Stiffness]) -> Vec<
             short(greatest)
         ));
     }
-    warnings
+    Plausibility { warnings, loads: loads.into_iter().filter_map(|Load { size, .. }| size).collect() }
 }
 
 /// Finds a body that is too large or too small for tissue, and names the `scale` that its mesh probably needs.
@@ -231,7 +240,7 @@ displacement = { x = 0.1 }
         let mesh = cuboid([1, 1, 1], [edge, 0.5 * edge, 0.5 * edge]).unwrap();
         let formula = case.regions[0].material.formula().and_then(|formula| formula.constant());
         let formula = formula.map(|formula| [youngs_modulus(formula); 2]);
-        let warnings = check_magnitudes(&case, &mesh, &[Stiffness { region: 0, formula, fibers }]);
+        let warnings = check_magnitudes(&case, &mesh, &[Stiffness { region: 0, formula, fibers }]).warnings;
         warnings.into_iter().map(|warning| warning.strip_prefix("case.toml:").unwrap().to_owned()).collect()
     }
 

@@ -119,7 +119,7 @@ impl Job for CheckJob {
             threads,
             ..
         } = size;
-        let (conditions, free_surfaces) = conditions(setup.case(), setup.mesh());
+        let (conditions, free_surfaces) = conditions(setup.case(), setup.mesh(), setup.load_sizes());
         let mesh = MeshPlan::new(setup.mesh());
         let is_listed = |surface: &str| setup.case().boundaries.iter().any(|boundary| boundary.surface == surface);
         let wall = |surface: &String| if is_listed(surface) { surface.clone() } else { mesh.with_area(surface) };
