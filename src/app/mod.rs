@@ -25,5 +25,5 @@ mod rve_files;
 mod stress;
 pub mod vtu;
 
-pub use plausibility::{LoadOf, LoadSize};
+pub use plausibility::{FloppyNetworks, LoadOf, LoadSize};
 pub use recorder::Progress;

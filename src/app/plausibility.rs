@@ -6,6 +6,7 @@
 //! edge divided by the same stiffness. These are orders of magnitude, sufficient to find a modulus in MPa or a mesh in mm, and not used
 //! otherwise.
 
+mod floppy;
 mod load_size;
 mod loads;
 mod locking;
@@ -15,6 +16,8 @@ use crate::app::case::{Case, Formula, RigidCase, SurfaceLoad};
 use crate::fem::mesh::Mesh;
 use crate::las::RealBackend;
 use crate::tissue::micro_scale::Library;
+pub use floppy::FloppyNetworks;
+pub(super) use floppy::floppy_networks;
 pub use load_size::{LoadOf, LoadSize};
 use loads::{Load, loads};
 use locking::{check_locking, greatest_poisson_ratio};

@@ -152,6 +152,27 @@ fn check_prints_the_plan_and_writes_nothing() {
 }
 
 #[test]
+fn check_warns_of_floppy_networks_without_a_matrix() {
+    let folder = tempfile::tempdir().unwrap();
+    write_floppy_network(folder.path());
+    write_case(folder.path(), "case.toml", &fibers("chain.txt"));
+    let checked = line(folder.path(), "check case.toml --json");
+    assert_eq!(checked.object()["floppy_networks"], serde_json::json!(["chain.txt"]));
+    let warning = "warning: case.toml:5: region \"*\": 1 of 1 networks has motions that no fiber resists, and no matrix resists \
+                   them either: chain.txt; ";
+    assert!(checked.stderr.starts_with(warning), "{}", checked.stderr);
+    assert_eq!(checked.stderr.matches("warning: ").count(), 1, "{}", checked.stderr);
+    let law = "law = {";
+    let matrix = "matrix = { model = \"neo-hookean\", shear_modulus = 1000.0, poisson_ratio = 0.3 }\nlaw = {";
+    write_case(folder.path(), "case.toml", &fibers("chain.txt").replace(law, matrix));
+    assert_eq!(line(folder.path(), "check case.toml").stderr, "");
+    // A rigid network needs none.
+    write_case(folder.path(), "case.toml", &fibers(&frozen()));
+    let checked = line(folder.path(), "check case.toml --json");
+    assert_eq!((&checked.object()["floppy_networks"], &*checked.stderr), (&serde_json::json!([]), ""));
+}
+
+#[test]
 fn steps_that_converged_before_a_failure_are_written() {
     let folder = tempfile::tempdir().unwrap();
     let failed = run(folder.path(), PRESSED, "--out pressed");

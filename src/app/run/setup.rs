@@ -10,7 +10,7 @@ use crate::app::case::{Case, ElementSelection, RegionMaterial};
 use crate::app::checkpoint::hash_of_mesh;
 use crate::app::macro_scale;
 use crate::app::material_fields::{self, FieldRange, ResolvedMaterials};
-use crate::app::plausibility::{self, LoadSize, Plausibility};
+use crate::app::plausibility::{self, FloppyNetworks, LoadSize, Plausibility};
 use crate::app::results::ResultsRecord;
 use crate::app::rve_files;
 use crate::fem::boundary::Conditions;
@@ -170,6 +170,12 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
     /// Returns the sizes of the tractions, pressures and body forces relative to the stiffness of their materials.
     pub fn load_sizes(&self) -> &[LoadSize] {
         &self.load_sizes
+    }
+
+    /// Finds the networks of regions without a matrix that have motions which no fiber resists: such equilibria take
+    /// long to find. Factors a matrix for each network that is not too large.
+    pub fn floppy_networks(&self) -> FloppyNetworks {
+        plausibility::floppy_networks::<B, _>(&self.context, &self.case, self.field.library())
     }
 
     /// Returns the warnings of the readers.

@@ -73,6 +73,8 @@ struct Plan {
     rve_bytes: usize,
     body_bytes: usize,
     networks: Vec<NetworkSize>,
+    /// The networks of regions without a matrix that have motions which no fiber resists.
+    floppy_networks: Vec<String>,
     fields: Vec<FieldRange>,
     surfaces: Vec<String>,
     regions: Vec<String>,
@@ -106,6 +108,8 @@ impl Job for CheckJob {
     fn run<B: ProgramBackend>(self, context: B::Context) -> Result<Plan, Failure> {
         let setup = setup::<B>(context, self.case)?;
         let size = setup.problem_size().map_err(|error| not_set_up(&CaseHints::of(setup.case()), error))?;
+        let floppy = setup.floppy_networks();
+        output::warn(&floppy.warnings);
         let ProblemSize {
             elements,
             nodes,
@@ -139,6 +143,7 @@ impl Job for CheckJob {
             body_bytes,
             solver,
             networks,
+            floppy_networks: floppy.names,
             fields: setup.field_ranges().to_vec(),
             surfaces: setup.mesh().surface_names().map(str::to_owned).collect(),
             regions: setup.mesh().regions().to_vec(),
