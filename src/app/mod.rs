@@ -26,4 +26,5 @@ mod rve_files;
 mod stress;
 pub mod vtu;
 
+pub use plausibility::{FloppyNetworks, LoadOf, LoadSize};
 pub use recorder::Progress;

@@ -1,19 +1,27 @@
-//! Plausibility check of the loads, stiffnesses and lengths of a case, which finds wrong units before the solve.
+//! Plausibility check of the loads, stiffnesses, lengths and elements of a case, which finds wrong units and poor meshes
+//! before the solve.
 //!
 //! Each load is converted to the strain that it would cause in a uniform body: a displacement divided by the longest
-//! edge of the body, a traction divided by the stiffness of the softest region, a body force times that edge divided by
-//! the same stiffness. These are orders of magnitude, sufficient to find a modulus in MPa or a mesh in mm, and not used
+//! edge of the body, a traction divided by the stiffness of the softest region on which it acts, a body force times that
+//! edge divided by the same stiffness. These are orders of magnitude, sufficient to find a modulus in MPa or a mesh in mm, and not used
 //! otherwise.
 
+mod floppy;
+mod load_size;
 mod loads;
 mod locking;
+mod shapes;
 
 use crate::app::case::{Case, Formula, RigidCase, SurfaceLoad};
 use crate::fem::mesh::Mesh;
 use crate::las::RealBackend;
 use crate::tissue::micro_scale::Library;
-use loads::loads;
+pub use floppy::FloppyNetworks;
+pub(super) use floppy::floppy_networks;
+pub use load_size::{LoadOf, LoadSize};
+use loads::{Load, loads};
 use locking::{check_locking, greatest_poisson_ratio};
+use shapes::check_shapes;
 
 /// Strain above which a load is implausible for tissue.
 const LARGEST_STRAIN: f64 = 3.0;
@@ -46,8 +54,16 @@ impl Stiffness {
     }
 }
 
-/// Returns the warnings for a case with implausible numbers, one line each, with the place in the case file.
-pub(super) fn warnings<B: RealBackend>(case: &Case, mesh: &Mesh, library: &Library<B>) -> Vec<String> {
+/// What the check found.
+pub(super) struct Plausibility {
+    /// Implausible numbers, one line each, with the place in the case file.
+    pub warnings: Vec<String>,
+    /// The sizes of the tractions, pressures and body forces.
+    pub loads: Vec<LoadSize>,
+}
+
+/// Checks the numbers of a case.
+pub(super) fn check<B: RealBackend>(case: &Case, mesh: &Mesh, library: &Library<B>) -> Plausibility {
     let mut regions: Vec<usize> = mesh.regions().iter().filter_map(|name| case.region_of(name)).collect();
     regions.sort_unstable();
     regions.dedup();
@@ -68,10 +84,11 @@ pub(super) fn warnings<B: RealBackend>(case: &Case, mesh: &Mesh, library: &Libra
             Stiffness { region, formula, fibers }
         })
         .collect();
-    let mut warnings = check_magnitudes(case, mesh, &stiffnesses);
+    let Plausibility { mut warnings, loads } = check_magnitudes(case, mesh, &stiffnesses);
+    warnings.extend(check_shapes(case, mesh));
     let ratios = (0..case.regions.len()).map(|region| greatest_poisson_ratio(library.formulas_of_region(region)));
     warnings.extend(check_locking(case, mesh, &ratios.collect::<Vec<_>>()));
-    warnings
+    Plausibility { warnings, loads }
 }
 
 fn youngs_modulus(formula: &Formula) -> f64 {
@@ -79,17 +96,13 @@ fn youngs_modulus(formula: &Formula) -> f64 {
     9.0 * bulk * mu / (3.0 * bulk + mu)
 }
 
-fn check_magnitudes(case: &Case, mesh: &Mesh, stiffnesses: &[Stiffness]) -> Vec<String> {
+fn check_magnitudes(case: &Case, mesh: &Mesh, stiffnesses: &[Stiffness]) -> Plausibility {
     let edge = longest_edge(mesh);
     let mut warnings = Vec::new();
-    if !SENSIBLE_EDGES.contains(&edge) {
-        let cure = "`scale` of [mesh] is the length of a mesh unit in m: 0.001 for a mesh in mm";
-        warnings.push(at(case, case.mesh_line, &format!("the longest edge of the body is {} m: {cure}", short(edge))));
-    }
+    warnings.extend(check_size(case, mesh, edge));
     warnings.extend(check_references(case, mesh, edge));
     warnings.extend(check_stiffnesses(case, stiffnesses));
-    let softest = stiffnesses.iter().min_by(|a, b| a.total().total_cmp(&b.total()));
-    let loads = loads(case, mesh, edge, softest);
+    let loads = loads(case, mesh, edge, stiffnesses);
     warnings.extend(
         loads.iter().filter(|load| load.strain > LARGEST_STRAIN).map(|load| at(case, load.line, &load.message)),
     );
@@ -102,7 +115,25 @@ fn check_magnitudes(case: &Case, mesh: &Mesh, stiffnesses: &[Stiffness]) -> Vec<
             short(greatest)
         ));
     }
-    warnings
+    Plausibility { warnings, loads: loads.into_iter().filter_map(|Load { size, .. }| size).collect() }
+}
+
+/// Finds a body that is too large or too small for tissue, and names the `scale` that its mesh probably needs.
+fn check_size(case: &Case, mesh: &Mesh, edge: f64) -> Option<String> {
+    if SENSIBLE_EDGES.contains(&edge) {
+        return None;
+    }
+    let [low, high] = mesh.bounding_box();
+    let lengths = [0, 1, 2].map(|axis| short(high[axis] - low[axis])).join(" x ");
+    let cure = match case.mesh_scale {
+        1.0 if edge > *SENSIBLE_EDGES.end() => {
+            // The largest length of a mesh unit with which the body is of a sensible size.
+            let (scale, unit) = if edge * 1e-3 <= *SENSIBLE_EDGES.end() { ("0.001", "mm") } else { ("1e-6", "um") };
+            format!("if the mesh is in {unit}, set `scale = {scale}` in [mesh]")
+        }
+        scale => format!("`scale` of [mesh], now {scale:?}, is the length of a mesh unit in m: 0.001 for a mesh in mm"),
+    };
+    Some(at(case, case.mesh_line, &format!("the body measures {lengths} m: {cure}")))
 }
 
 /// Finds reference points of rigid surfaces far from the body.
@@ -184,7 +215,7 @@ fn in_region(case: &Case, region: usize, message: &str) -> String {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use std::path::Path;
     use std::sync::Arc;
 
@@ -192,7 +223,7 @@ mod tests {
     use crate::fem::element::ElementType;
     use crate::fem::mesh::shapes::{cuboid, cuboid_of};
 
-    const CASE: &str = r#"[mesh]
+    pub const CASE: &str = r#"[mesh]
 generate = { shape = "box", cells = [1, 1, 1], size = [1.0, 1.0, 1.0] }
 [[region]]
 name = "*"
@@ -212,7 +243,7 @@ displacement = { x = 0.1 }
         let mesh = cuboid([1, 1, 1], [edge, 0.5 * edge, 0.5 * edge]).unwrap();
         let formula = case.regions[0].material.formula().and_then(|formula| formula.constant());
         let formula = formula.map(|formula| [youngs_modulus(formula); 2]);
-        let warnings = check_magnitudes(&case, &mesh, &[Stiffness { region: 0, formula, fibers }]);
+        let warnings = check_magnitudes(&case, &mesh, &[Stiffness { region: 0, formula, fibers }]).warnings;
         warnings.into_iter().map(|warning| warning.strip_prefix("case.toml:").unwrap().to_owned()).collect()
     }
 
@@ -229,9 +260,15 @@ displacement = { x = 0.1 }
 
     #[test]
     fn a_mesh_in_millimeters_is_found() {
-        let edge = "2: the longest edge of the body is 50 m: `scale` of [mesh] is the length of a mesh unit in m: 0.001 for a \
-                    mesh in mm";
-        assert_eq!(warnings_of(CASE, 50.0, None), [edge]);
+        let found = |text: &str, edge: f64| warnings_of(text, edge, None);
+        let size = "2: the body measures 50 x 25 x 25 m: if the mesh is in mm, set `scale = 0.001` in [mesh]";
+        assert_eq!(found(CASE, 50.0), [size]);
+        let size = "2: the body measures 8000 x 4000 x 4000 m: if the mesh is in um, set `scale = 1e-6` in [mesh]";
+        assert_eq!(found(CASE, 8000.0), [size]);
+        let scaled = CASE.replace("[mesh]\n", "[mesh]\nscale = 0.001\n").replace("x = 0.1", "x = 1e-6");
+        let size = "3: the body measures 5.0e-6 x 2.5e-6 x 2.5e-6 m: `scale` of [mesh], now 0.001, is the length of a mesh unit in m: \
+                    0.001 for a mesh in mm";
+        assert_eq!(found(&scaled, 5e-6), [size]);
         let long = CASE.replace("x = 0.1", "x = -5.0");
         let displacement = "9: the displacement of surface \"x1\" is 5 m, and the longest edge of the body 0.1 m: are both in \
                             m? `scale` of [mesh] is the length of a mesh unit in m";

@@ -155,7 +155,7 @@ fn constraints_are_checked_against_the_mesh_and_planned() {
     write(formula("method = \"penalty\"\npenalty = 30", ""));
     let plan = line(folder, "check case.toml");
     for text in [
-        "constraint lumen: cavity of floor, walls; volume driven; by penalty of 30\n",
+        "constraint lumen: cavity of floor (1.0000e0 m^2), walls (5.0000e0 m^2); volume driven; by penalty of 30\n",
         "constraint body: region body; volume constant; by multiplier\n",
     ] {
         assert!(plan.done().contains(text), "{}", plan.stdout);

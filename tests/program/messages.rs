@@ -161,9 +161,10 @@ fn messages_name_the_mistake_and_its_line() {
 #[test]
 fn check_and_run_warn_of_inconsistent_units() {
     let folder = tempfile::tempdir().unwrap();
-    let long = PRESSED.replace("size = [1.0, 1.0, 1.0]", "size = [80.0, 12.0, 3.0]");
+    let long = PRESSED.replace("size = [1.0, 1.0, 1.0]", "size = [80.0, 40.0, 20.0]");
     write_case(folder.path(), "case.toml", &long);
-    let edge = "warning: case.toml:4: the longest edge of the body is 80 m: `scale` of [mesh] is the length of a mesh unit in m";
+    let edge =
+        "warning: case.toml:4: the body measures 80 x 40 x 20 m: if the mesh is in mm, set `scale = 0.001` in [mesh]\n";
     for command in ["check case.toml", "run case.toml --ranks 1"] {
         let outcome = line(folder.path(), command);
         assert!(outcome.stderr.starts_with(edge), "{}", outcome.stderr);

@@ -125,6 +125,15 @@ fn check_prints_the_plan_and_writes_nothing() {
     );
     assert_eq!((&plan["element_types"], &plan["integration_points"]), (&serde_json::json!({ "tet4": 6 }), &6.into()));
     assert!(plan["rve_bytes"].as_u64() > Some(0));
+    assert_eq!(plan["bounding_box"], serde_json::json!([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]]));
+    for (found, expected) in [
+        (&plan["volume"], 1.0),
+        (&plan["surface_areas"]["y1"], 1.0),
+        (&plan["quality"]["minimum"], 1.2 * 0.5_f64.powf(2.0 / 3.0)),
+        (&plan["quality"]["median"], 1.2 * 0.5_f64.powf(2.0 / 3.0)),
+    ] {
+        assert!((found.as_f64().unwrap() - expected).abs() < 1e-12, "{found}, {expected}");
+    }
     let text = line(folder.path(), "check case.toml");
     for words in [
         "title      Fibers",
@@ -133,11 +142,34 @@ fn check_prints_the_plan_and_writes_nothing() {
         "8 free",
         "frozen.txt",
         "condition  surface \"x1\" (2 faces, 1.0000e0 m^2): displacement x\n",
-        "free       surfaces y0, y1, z0, z1\n",
+        "free       surfaces y0 (1.0000e0 m^2), y1 (1.0000e0 m^2), z0 (1.0000e0 m^2), z1 (1.0000e0 m^2)\n",
+        "box        [0.0, 0.0, 0.0] to [1.0, 1.0, 1.0] m, volume 1.0000e0 m^3\n",
+        "quality    0.756 (element 0) or better, median 0.756; mean ratio, 1 is ideal\n",
     ] {
         assert!(text.done().contains(words), "{words}: {}", text.stdout);
     }
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "only the case");
+}
+
+#[test]
+fn check_warns_of_floppy_networks_without_a_matrix() {
+    let folder = tempfile::tempdir().unwrap();
+    write_floppy_network(folder.path());
+    write_case(folder.path(), "case.toml", &fibers("chain.txt"));
+    let checked = line(folder.path(), "check case.toml --json");
+    assert_eq!(checked.object()["floppy_networks"], serde_json::json!(["chain.txt"]));
+    let warning = "warning: case.toml:5: region \"*\": 1 of 1 networks has motions that no fiber resists, and no matrix resists \
+                   them either: chain.txt; ";
+    assert!(checked.stderr.starts_with(warning), "{}", checked.stderr);
+    assert_eq!(checked.stderr.matches("warning: ").count(), 1, "{}", checked.stderr);
+    let law = "law = {";
+    let matrix = "matrix = { model = \"neo-hookean\", shear_modulus = 1000.0, poisson_ratio = 0.3 }\nlaw = {";
+    write_case(folder.path(), "case.toml", &fibers("chain.txt").replace(law, matrix));
+    assert_eq!(line(folder.path(), "check case.toml").stderr, "");
+    // A rigid network needs none.
+    write_case(folder.path(), "case.toml", &fibers(&frozen()));
+    let checked = line(folder.path(), "check case.toml --json");
+    assert_eq!((&checked.object()["floppy_networks"], &*checked.stderr), (&serde_json::json!([]), ""));
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! The loads of a case, each with the strain that it would cause in a uniform body.
 
+use super::load_size::{LoadOf, LoadSize, regions_behind, softest_in};
 use super::{Stiffness, short};
 use crate::app::case::{Case, LoadCurve, LoadValue, PointPlace, RigidCase, SurfaceLoad};
 use crate::fem::boundary::centroid;
@@ -9,11 +10,13 @@ use crate::fem::mesh::Mesh;
 pub(super) struct Load {
     pub line: usize,
     pub strain: f64,
+    /// The size of a traction, pressure or body force.
+    pub size: Option<LoadSize>,
     /// The warning if the strain is too large.
     pub message: String,
 }
 
-pub(super) fn loads(case: &Case, mesh: &Mesh, edge: f64, softest: Option<&Stiffness>) -> Vec<Load> {
+pub(super) fn loads(case: &Case, mesh: &Mesh, edge: f64, stiffnesses: &[Stiffness]) -> Vec<Load> {
     let displacement = |line: usize, place: &str, most: f64| {
         let message = format!(
             "the displacement of {place} is {} m, and the longest edge of the body {} m: are both in m? `scale` of [mesh] is \
@@ -21,10 +24,11 @@ pub(super) fn loads(case: &Case, mesh: &Mesh, edge: f64, softest: Option<&Stiffn
             short(most),
             short(edge)
         );
-        Load { line, strain: most / edge, message }
+        Load { line, strain: most / edge, size: None, message }
     };
-    let force = |line: usize, what: &str, most: f64, length: Option<f64>| {
-        let soft = softest?;
+    let force = |line: usize, of: LoadOf, what: &str, most: f64, soft: Option<&Stiffness>| {
+        let soft = soft?;
+        let length = matches!(of, LoadOf::BodyForce(_)).then_some(edge);
         let stress = most * length.unwrap_or(1.0);
         let unit = if length.is_some() { "N/m^3" } else { "Pa" };
         let strain = stress / soft.total();
@@ -36,7 +40,15 @@ pub(super) fn loads(case: &Case, mesh: &Mesh, edge: f64, softest: Option<&Stiffn
             case.regions[soft.region].name,
             short(soft.total())
         );
-        Some(Load { line, strain, message })
+        let size = (soft.total() > 0.0).then(|| LoadSize {
+            of,
+            largest: most,
+            unit,
+            softest_region: case.regions[soft.region].name.clone(),
+            stiffness: soft.total(),
+            ratio: strain,
+        });
+        Some(Load { line, strain, size, message })
     };
     let rotations = case.boundaries.iter().filter_map(|boundary| {
         let SurfaceLoad::Rigid(rigid) = &boundary.load else { return None };
@@ -48,15 +60,20 @@ pub(super) fn loads(case: &Case, mesh: &Mesh, edge: f64, softest: Option<&Stiffn
             short(most),
             short(most / std::f64::consts::TAU)
         );
-        Some(Load { line: boundary.line, strain: most, message })
+        Some(Load { line: boundary.line, strain: most, size: None, message })
     });
-    let boundaries = case.boundaries.iter().filter_map(|boundary| {
+    let boundaries = case.boundaries.iter().enumerate().filter_map(|(number, boundary)| {
+        let of_surface = |what: &str, most: f64| {
+            let behind = regions_behind(mesh, &boundary.surface);
+            let soft = softest_in(stiffnesses, case, mesh, |region| behind[region]);
+            force(boundary.line, LoadOf::Boundary(number), what, most, soft)
+        };
         let place = format!("surface \"{}\"", boundary.surface);
         let most = greatest(&boundary.load.values(), &boundary.curve, || nodes_of(mesh, &boundary.surface));
         match &boundary.load {
             SurfaceLoad::Displacement(_) => Some(displacement(boundary.line, &place, most)),
-            SurfaceLoad::Traction(_) => force(boundary.line, &format!("the traction on {place}"), most, None),
-            SurfaceLoad::Pressure(_) => force(boundary.line, &format!("the pressure on {place}"), most, None),
+            SurfaceLoad::Traction(_) => of_surface(&format!("the traction on {place}"), most),
+            SurfaceLoad::Pressure(_) => of_surface(&format!("the pressure on {place}"), most),
             SurfaceLoad::Rigid(rigid) => {
                 let components: Vec<&LoadValue> = rigid.displacement.iter().flatten().collect();
                 let reference = || reference_of(case, mesh, &boundary.surface, rigid);
@@ -74,9 +91,11 @@ pub(super) fn loads(case: &Case, mesh: &Mesh, edge: f64, softest: Option<&Stiffn
         let most = greatest(&components, &point.curve, || mesh.nodes().get(node()).copied().into_iter().collect());
         displacement(point.line, "this point", most)
     });
-    let forces = case.body_forces.iter().filter_map(|body| {
+    let forces = case.body_forces.iter().enumerate().filter_map(|(number, body)| {
         let most = greatest(&body.value.each_ref(), &body.curve, || mesh.nodes().to_vec());
-        force(body.line, "the body force", most, Some(edge))
+        let is_in = |region: usize| body.region == "*" || body.region == mesh.regions()[region];
+        let soft = softest_in(stiffnesses, case, mesh, is_in);
+        force(body.line, LoadOf::BodyForce(number), "the body force", most, soft)
     });
     boundaries.chain(rotations).chain(points).chain(forces).collect()
 }

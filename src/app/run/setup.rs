@@ -10,7 +10,7 @@ use crate::app::case::{Case, ElementSelection, RegionMaterial};
 use crate::app::checkpoint::hash_of_mesh;
 use crate::app::macro_scale;
 use crate::app::material_fields::{self, FieldRange, ResolvedMaterials};
-use crate::app::plausibility;
+use crate::app::plausibility::{self, FloppyNetworks, LoadSize, Plausibility};
 use crate::app::results::ResultsRecord;
 use crate::app::rve_files;
 use crate::fem::boundary::Conditions;
@@ -51,6 +51,7 @@ pub struct Setup<B: RealBackend, M = TissueField<B>> {
     unknowns: usize,
     free_mode_supports: Vec<(u32, u8)>,
     ranges: Vec<FieldRange>,
+    load_sizes: Vec<LoadSize>,
     warnings: Vec<String>,
 }
 
@@ -113,7 +114,9 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
         };
         let mesh = part.as_ref().map_or(&whole, |part| &**part.mesh());
         let (field, network_warnings) = material(materials, mesh)?;
-        warnings.extend(plausibility::warnings(&case, &whole, field.library()));
+        let Plausibility { warnings: implausible, loads: load_sizes } =
+            plausibility::check(&case, &whole, field.library());
+        warnings.extend(implausible);
         warnings.extend(network_warnings);
         warnings.extend(without_networks(&case));
         warnings.extend(macro_scale::imbalance(&case, &whole, &boundary));
@@ -136,6 +139,7 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
             unknowns,
             free_mode_supports,
             ranges,
+            load_sizes,
             warnings,
         })
     }
@@ -161,6 +165,17 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
     /// Returns the ranges of the material parameters and axes that vary over the body.
     pub fn field_ranges(&self) -> &[FieldRange] {
         &self.ranges
+    }
+
+    /// Returns the sizes of the tractions, pressures and body forces relative to the stiffness of their materials.
+    pub fn load_sizes(&self) -> &[LoadSize] {
+        &self.load_sizes
+    }
+
+    /// Finds the networks of regions without a matrix that have motions which no fiber resists: such equilibria take
+    /// long to find. Factors a matrix for each network that is not too large.
+    pub fn floppy_networks(&self) -> FloppyNetworks {
+        plausibility::floppy_networks::<B, _>(&self.context, &self.case, self.field.library())
     }
 
     /// Returns the warnings of the readers.

@@ -1,6 +1,7 @@
 //! The boundary conditions of a case on its mesh, in the plan of `biotissue check`.
 
 use biotissue::app::case::{Case, LoadValue, PointCase, PointPlace, SurfaceLoad};
+use biotissue::app::{LoadOf, LoadSize};
 use biotissue::fem::constraint::ConstrainedVolume;
 use biotissue::fem::mesh::Mesh;
 use serde::Serialize;
@@ -18,36 +19,49 @@ pub struct ConditionPlan {
     /// Area of a surface, m^2.
     #[serde(skip_serializing_if = "Option::is_none")]
     area: Option<f64>,
+    /// The size of a traction, pressure or body force.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    load: Option<LoadSize>,
 }
 
 impl ConditionPlan {
     /// Returns the line of the plan.
     pub fn text(&self) -> String {
-        let Self { condition, place, faces, area } = self;
+        let Self { condition, place, faces, area, load } = self;
         let size = match (faces, area) {
             (Some(faces), Some(area)) => format!(" ({faces} faces, {area:.4e} m^2)"),
             _ => String::new(),
         };
-        format!("condition  {place}{size}: {condition}")
+        let load = load.as_ref().map_or(String::new(), |load| format!(", {}", load.text()));
+        format!("condition  {place}{size}: {condition}{load}")
     }
 }
 
-/// Returns the conditions of a case, and the surfaces without one.
-pub fn conditions(case: &Case, mesh: &Mesh) -> (Vec<ConditionPlan>, Vec<String>) {
-    let on_surfaces = case.boundaries.iter().filter_map(|boundary| {
+/// Returns the conditions of a case with the sizes of its loads, and the surfaces without one.
+pub fn conditions(case: &Case, mesh: &Mesh, loads: &[LoadSize]) -> (Vec<ConditionPlan>, Vec<String>) {
+    let size_of = |of: LoadOf| loads.iter().find(|load| load.of == of).cloned();
+    let on_surfaces = case.boundaries.iter().enumerate().filter_map(|(number, boundary)| {
         let surface = mesh.surfaces().iter().find(|surface| surface.name == boundary.surface)?;
         Some(ConditionPlan {
             condition: of_surface(&boundary.load),
             place: format!("surface \"{}\"", boundary.surface),
             faces: Some(surface.faces.len()),
             area: Some(mesh.surface_area(surface)),
+            load: size_of(LoadOf::Boundary(number)),
         })
     });
-    let elsewhere = |condition: String, place: String| ConditionPlan { condition, place, faces: None, area: None };
-    let on_points = case.points.iter().map(|point| elsewhere(of_point(point), node(case, mesh, point)));
-    let on_regions = case.body_forces.iter().map(|force| {
+    let elsewhere = |condition: String, place: String, load: Option<LoadSize>| ConditionPlan {
+        condition,
+        place,
+        faces: None,
+        area: None,
+        load,
+    };
+    let on_points = case.points.iter().map(|point| elsewhere(of_point(point), node(case, mesh, point), None));
+    let on_regions = case.body_forces.iter().enumerate().map(|(number, force)| {
         let components = force.value.each_ref().map(|value| !value.is_zero());
-        elsewhere(format!("body force {}", listed(components)), format!("region \"{}\"", force.region))
+        let (condition, place) = (format!("body force {}", listed(components)), format!("region \"{}\"", force.region));
+        elsewhere(condition, place, size_of(LoadOf::BodyForce(number)))
     });
     let walls = case.constraints.iter().filter_map(|each| match &each.constraint.of {
         ConstrainedVolume::Cavity(surfaces) => Some(surfaces),

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | this one | [`Mesh`] with its invariants and queries |
 //! | `cells`, `points` | [`Elements`] and [`Faces`] in blocks of one type; the numbering of the integration points |
+//! | `quality` | the shape quality of elements |
 //! | `quadratic` | quadratic elements from linear ones |
 //! | `patches` | patches of linear elements that share one dilatation |
 //! | `part` | the part of a mesh that one rank holds |
@@ -29,6 +30,7 @@ pub(crate) mod parts;
 mod patches;
 mod points;
 mod quadratic;
+mod quality;
 pub mod shapes;
 
 pub use cells::{Block, Cells, Elements, Faces};
@@ -37,6 +39,7 @@ pub(super) use measure::longest_edge;
 pub use part::{Division, Part, Sizes};
 pub use points::{IntegrationPoint, PointNumbering};
 pub use quadratic::QuadraticHexahedron;
+pub use quality::ElementQuality;
 
 use std::sync::Arc;
 

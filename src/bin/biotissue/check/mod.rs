@@ -1,6 +1,8 @@
 //! `biotissue check`: reads and checks a case and all its files, and prints the plan without solving anything.
 
 mod measured;
+mod mesh_plan;
+mod networks;
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -14,6 +16,8 @@ use clap::Args;
 use serde::Serialize;
 
 use self::measured::Measured;
+use self::mesh_plan::MeshPlan;
+use self::networks::network_lines;
 
 use crate::conditions::{ConditionPlan, conditions};
 use crate::dispatch::{Job, ProgramBackend, dispatch};
@@ -62,11 +66,15 @@ struct Plan {
     element_types: BTreeMap<&'static str, usize>,
     integration_points: usize,
     nodes: usize,
+    #[serde(flatten)]
+    mesh: MeshPlan,
     unknowns: usize,
     rves: usize,
     rve_bytes: usize,
     body_bytes: usize,
     networks: Vec<NetworkSize>,
+    /// The networks of regions without a matrix that have motions which no fiber resists.
+    floppy_networks: Vec<String>,
     fields: Vec<FieldRange>,
     surfaces: Vec<String>,
     regions: Vec<String>,
@@ -100,6 +108,8 @@ impl Job for CheckJob {
     fn run<B: ProgramBackend>(self, context: B::Context) -> Result<Plan, Failure> {
         let setup = setup::<B>(context, self.case)?;
         let size = setup.problem_size().map_err(|error| not_set_up(&CaseHints::of(setup.case()), error))?;
+        let floppy = setup.floppy_networks();
+        output::warn(&floppy.warnings);
         let ProblemSize {
             elements,
             nodes,
@@ -113,7 +123,12 @@ impl Job for CheckJob {
             threads,
             ..
         } = size;
-        let (conditions, free_surfaces) = conditions(setup.case(), setup.mesh());
+        let (conditions, free_surfaces) = conditions(setup.case(), setup.mesh(), setup.load_sizes());
+        let mesh = MeshPlan::new(setup.mesh());
+        let is_listed = |surface: &str| setup.case().boundaries.iter().any(|boundary| boundary.surface == surface);
+        let wall = |surface: &String| if is_listed(surface) { surface.clone() } else { mesh.with_area(surface) };
+        let constraints = &setup.case().constraints;
+        let constraints = constraints.iter().map(|each| description(&each.constraint, wall)).collect();
         let mut plan = Plan {
             title: setup.case().title.clone(),
             backend: B::NAME,
@@ -121,12 +136,14 @@ impl Job for CheckJob {
             element_types: setup.mesh().elements().count_by_type().iter().map(|(of, n)| (of.name(), *n)).collect(),
             integration_points: setup.mesh().points().len(),
             nodes,
+            mesh,
             unknowns,
             rves,
             rve_bytes,
             body_bytes,
             solver,
             networks,
+            floppy_networks: floppy.names,
             fields: setup.field_ranges().to_vec(),
             surfaces: setup.mesh().surface_names().map(str::to_owned).collect(),
             regions: setup.mesh().regions().to_vec(),
@@ -140,7 +157,7 @@ impl Job for CheckJob {
                     component: ["x", "y", "z"][usize::from(component)],
                 })
                 .collect(),
-            constraints: setup.case().constraints.iter().map(|each| description(&each.constraint)).collect(),
+            constraints,
             steps,
             threads,
             ranks: setup.case().scales.least(),
@@ -162,12 +179,18 @@ impl Job for CheckJob {
     }
 }
 
-/// Describes a volume constraint, such as `lumen: cavity of inner, lid; volume constant; by multiplier`.
-fn description(VolumeConstraint { name, of, curve, method }: &VolumeConstraint) -> String {
+/// Describes a volume constraint, such as `lumen: cavity of inner, lid; volume constant; by multiplier`; `wall` describes a
+/// surface.
+fn description(
+    VolumeConstraint { name, of, curve, method }: &VolumeConstraint,
+    wall: impl Fn(&String) -> String,
+) -> String {
     let of = match of {
         ConstrainedVolume::Region(region) if region == "*" => "the whole body".into(),
         ConstrainedVolume::Region(region) => format!("region {region}"),
-        ConstrainedVolume::Cavity(surfaces) => format!("cavity of {}", surfaces.join(", ")),
+        ConstrainedVolume::Cavity(surfaces) => {
+            format!("cavity of {}", surfaces.iter().map(wall).collect::<Vec<_>>().join(", "))
+        }
     };
     let target = if curve.is_some() { "driven" } else { "constant" };
     let method = match method {
@@ -184,16 +207,18 @@ impl Plan {
             format!("title      {}", self.title),
             format!("mesh       {} elements, {} nodes", self.elements, self.nodes),
             format!("elements   {}; {} integration points", types.join(", "), self.integration_points),
+        ];
+        lines.extend(self.mesh.text());
+        lines.extend([
             format!("regions    {}", self.regions.join(", ")),
             format!("unknowns   {} free, backend {}", self.unknowns, self.backend),
             format!("RVEs       {}", self.rves),
-        ];
-        for network in &self.networks {
-            lines.push(format!("  {:<24} {:>6} unknowns, {:>6} RVEs", network.name, network.unknowns, network.rves));
-        }
+        ]);
+        lines.extend(network_lines(&self.networks));
         lines.extend(self.conditions.iter().map(ConditionPlan::text));
         if !self.free_surfaces.is_empty() {
-            lines.push(format!("free       surfaces {}", self.free_surfaces.join(", ")));
+            let free: Vec<String> = self.free_surfaces.iter().map(|surface| self.mesh.with_area(surface)).collect();
+            lines.push(format!("free       surfaces {}", free.join(", ")));
         }
         for SupportPlan { node, position: [x, y, z], component } in &self.supports {
             let place = format!("node {node} at ({x:.4e}, {y:.4e}, {z:.4e}) m");
