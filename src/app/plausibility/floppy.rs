@@ -105,7 +105,8 @@ fn examine<B: RealBackend>(
         if !is_in_bounds {
             return Finding::NotExamined;
         }
-        match zero_modes::<B>(context, network) {
+        // A thread that waits inside a backend must not start another network.
+        match parallel::alone(|| zero_modes::<B>(context, network)) {
             Ok(0) => Finding::Rigid,
             Ok(_) => Finding::Floppy,
             Err(RigidityError::Pattern(_) | RigidityError::Solve(_) | RigidityError::Undecided) => Finding::NotExamined,
