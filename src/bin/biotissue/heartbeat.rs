@@ -95,10 +95,10 @@ mod tests {
     #[test]
     fn frequent_reports_of_the_run_are_enough() {
         let (sender, reports) = channel();
-        let heartbeat = Heartbeat::start(Duration::from_millis(500), None, move |text| {
+        let heartbeat = Heartbeat::start(Duration::from_millis(1500), None, move |text| {
             let _ = sender.send(text.to_owned());
         });
-        for step in 1..30 {
+        for step in 1..110 {
             heartbeat.begin(format!("step {step}"));
             std::thread::sleep(Duration::from_millis(20));
         }
