@@ -130,8 +130,8 @@ fn message(names: &[&str], networks: usize) -> String {
     let has = if names.len() == 1 { "has" } else { "have" };
     format!(
         "{} of {networks} networks {has} motions that no fiber resists, and no matrix resists them either: {listed}{more}; such \
-         equilibria take long to find: remove loose fibers by `biotissue network check --clean`, use networks with more \
-         fibers per node, or give the region a `matrix`",
+         equilibria take long to find, or are not found: give the region a `matrix`, use networks with more fibers per node, or \
+         remove loose fibers by `biotissue network check --clean`",
         names.len()
     )
 }

@@ -49,6 +49,6 @@ fn refuse_existing(members: &[Member]) -> Result<(), Failure> {
     Err(Failure::arguments(
         format!("{} exists{more}; nothing is written", first.display()),
         "a directory without the files of these seeds: no network is replaced",
-        "name another --directory, remove the files, or give a --seed behind the existing ones to add networks",
+        "name another --directory, remove the files, or give a --seed after the existing ones to add networks",
     ))
 }
