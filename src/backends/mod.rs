@@ -25,6 +25,8 @@ mod null_vector;
 #[cfg(feature = "batched")]
 pub mod batched;
 pub mod comm;
+#[cfg(feature = "cuda")]
+pub mod cuda;
 #[cfg(feature = "dense")]
 pub mod dense;
 #[cfg(feature = "metis")]

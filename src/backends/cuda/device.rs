@@ -1,0 +1,135 @@
+//! A device: its context, its stream, and the kernels compiled for it.
+
+use std::fmt;
+use std::sync::Arc;
+
+use cudarc::driver::{CudaContext, CudaModule, CudaStream};
+use cudarc::nvrtc::{CompileError, CompileOptions, Ptx, compile_ptx_with_opts};
+
+use super::CudaError;
+
+/// A CUDA device with the stream on which this crate works. Clones share both.
+#[derive(Clone)]
+pub struct Device {
+    stream: Arc<CudaStream>,
+    architecture: Architecture,
+}
+
+/// The compute capability of a device, for example 9.0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Architecture {
+    major: i32,
+    minor: i32,
+}
+
+impl fmt::Display for Architecture {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "compute_{}{}", self.major, self.minor)
+    }
+}
+
+impl fmt::Debug for Device {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Device").field("ordinal", &self.context().ordinal()).finish_non_exhaustive()
+    }
+}
+
+/// Returns an error if the library of the driver cannot be loaded: its first use would panic.
+fn find_driver() -> Result<(), CudaError> {
+    // SAFETY: loads `libcuda`, whose initialization has no precondition.
+    if unsafe { cudarc::driver::sys::is_culib_present() } {
+        return Ok(());
+    }
+    Err(CudaError::MissingLibrary { library: "libcuda.so", package: "the NVIDIA driver" })
+}
+
+/// Returns an error if the run-time compiler cannot be loaded.
+fn find_compiler() -> Result<(), CudaError> {
+    // SAFETY: loads `libnvrtc`, whose initialization has no precondition.
+    if unsafe { cudarc::nvrtc::sys::is_culib_present() } {
+        return Ok(());
+    }
+    let package = "the CUDA toolkit or the Python package nvidia-cuda-nvrtc";
+    Err(CudaError::MissingLibrary { library: "libnvrtc.so", package })
+}
+
+/// Compiles a CUDA C++ source to PTX for an architecture such as `compute_90`; this needs NVRTC, but no device.
+pub(crate) fn compile(source: &str, architecture: &str) -> Result<Ptx, CudaError> {
+    find_compiler()?;
+    let options = vec![format!("--gpu-architecture={architecture}"), "--std=c++17".to_owned()];
+    let options = CompileOptions { options, ..CompileOptions::default() };
+    compile_ptx_with_opts(source, options).map_err(|error| {
+        let log = match error {
+            CompileError::CompileError { log, .. } => log.to_string_lossy().trim().to_owned(),
+            other => format!("{other:?}"),
+        };
+        CudaError::Compile { architecture: architecture.to_owned(), log }
+    })
+}
+
+impl Device {
+    /// Returns how many devices the driver lists.
+    ///
+    /// # Errors
+    /// Returns [`CudaError::MissingLibrary`] without a driver, and [`CudaError::Driver`] if it cannot be initialized.
+    pub fn count() -> Result<usize, CudaError> {
+        find_driver()?;
+        let count = CudaContext::device_count().map_err(CudaError::of("count the devices"))?;
+        Ok(usize::try_from(count).unwrap_or(0))
+    }
+
+    /// Opens the device with this number, counted from 0, with its primary context and a stream of its own.
+    ///
+    /// # Errors
+    /// Returns [`CudaError::MissingLibrary`] without the driver or the compiler NVRTC, [`CudaError::NoDevice`] if there
+    /// is no device with this number, and [`CudaError::Driver`] if the driver refuses.
+    pub fn open(ordinal: usize) -> Result<Self, CudaError> {
+        let count = Self::count()?;
+        find_compiler()?;
+        if ordinal >= count {
+            return Err(CudaError::NoDevice { ordinal, count });
+        }
+        let context = CudaContext::new(ordinal).map_err(CudaError::of("open the device"))?;
+        let (major, minor) = context.compute_capability().map_err(CudaError::of("read the compute capability"))?;
+        let stream = context.new_stream().map_err(CudaError::of("create a stream"))?;
+        Ok(Self { stream, architecture: Architecture { major, minor } })
+    }
+
+    /// The name of the device, for example `NVIDIA H200`.
+    ///
+    /// # Errors
+    /// Returns the error of the driver.
+    pub fn name(&self) -> Result<String, CudaError> {
+        self.context().name().map_err(CudaError::of("read the name of the device"))
+    }
+
+    /// Bytes of device memory that are free, and those that the device has.
+    ///
+    /// # Errors
+    /// Returns the error of the driver.
+    pub fn memory(&self) -> Result<(usize, usize), CudaError> {
+        self.context().mem_get_info().map_err(CudaError::of("read the free memory"))
+    }
+
+    /// Waits until the device has finished all work of its stream.
+    ///
+    /// # Errors
+    /// Returns the error of the work or of the driver.
+    pub fn synchronize(&self) -> Result<(), CudaError> {
+        self.stream.synchronize().map_err(CudaError::of("wait for the device"))
+    }
+
+    pub(crate) fn context(&self) -> &Arc<CudaContext> {
+        self.stream.context()
+    }
+
+    pub(crate) fn stream(&self) -> &Arc<CudaStream> {
+        &self.stream
+    }
+
+    /// Compiles kernels for this device and loads them.
+    pub(crate) fn load(&self, source: &str) -> Result<Arc<CudaModule>, CudaError> {
+        let ptx = compile(source, &self.architecture.to_string())?;
+        self.context().load_module(ptx).map_err(CudaError::of("load the kernels"))
+    }
+}

@@ -1,0 +1,59 @@
+//! The errors of the device, its driver and its libraries.
+
+use cudarc::driver::DriverError;
+use thiserror::Error;
+
+/// Error of a device, of its driver or of a CUDA library.
+#[derive(Clone, Debug, Error)]
+#[non_exhaustive]
+pub enum CudaError {
+    /// A shared library is not installed or not found by the loader.
+    #[error("{library} was not found: install {package}, and add the directory of the library to LD_LIBRARY_PATH")]
+    MissingLibrary {
+        /// The name of the shared library.
+        library: &'static str,
+        /// What contains the library.
+        package: &'static str,
+    },
+    /// The machine has no such device.
+    #[error("there is no CUDA device number {ordinal}; the driver lists {count} devices, numbered from 0")]
+    NoDevice {
+        /// The requested number.
+        ordinal: usize,
+        /// How many devices the driver lists.
+        count: usize,
+    },
+    /// The driver reports an error.
+    #[error("the CUDA driver failed ({action}): {error}")]
+    Driver {
+        /// What was asked of the driver.
+        action: &'static str,
+        /// The error of the driver.
+        error: DriverError,
+    },
+    /// A kernel does not compile; this is a defect of this crate or a compiler that is too old.
+    #[error("NVRTC cannot compile a kernel for {architecture}: {log}")]
+    Compile {
+        /// The architecture of the device.
+        architecture: String,
+        /// The messages of the compiler.
+        log: String,
+    },
+    /// A CUDA library reports an error.
+    #[error("{library} failed ({action}): {status}")]
+    Library {
+        /// The name of the library.
+        library: &'static str,
+        /// What was asked of it.
+        action: &'static str,
+        /// The status that it returned.
+        status: String,
+    },
+}
+
+impl CudaError {
+    /// Adds to an error of the driver what was asked of it.
+    pub(crate) fn of(action: &'static str) -> impl FnOnce(DriverError) -> Self {
+        move |error| Self::Driver { action, error }
+    }
+}
