@@ -104,6 +104,8 @@ pub mod capi;
 #[cfg(feature = "app")]
 mod checksum;
 pub mod coupling;
+#[cfg(feature = "cuda")]
+pub mod device;
 pub mod fem;
 pub mod fiber;
 pub mod input;

@@ -67,11 +67,23 @@ pub(super) fn tangent<B: RealBackend>(
     pk1: &Matrix3<f64>,
     workspace: &Workspace<B>,
 ) -> Result<Tangent, RveError<B::Error>> {
+    let form = sensitivity_products(workspace);
+    tangent_from_form(&form, model.scale(), f, pk1).ok_or(RveError::Inverted(f.determinant()))
+}
+
+/// Returns the tangent at `f`, where the stress is `pk1`, from the products of [`sensitivity_products`] and the stress
+/// scale; `None` if `f` has no inverse.
+pub(crate) fn tangent_from_form(
+    products: &[[f64; MODES]; 9],
+    scale: f64,
+    f: &Matrix3<f64>,
+    pk1: &Matrix3<f64>,
+) -> Option<Tangent> {
     let mut form = Tangent::zeros();
     // The six columns of the strains follow from the force sensitivities, the three columns of the spins from the
     // stress. The two mixed blocks are not assumed to be transposes of each other: they are only to the accuracy of the
     // balance of forces and moments.
-    form.fixed_view_mut::<9, MODES>(0, 0).copy_from(&(sensitivity_products(workspace) * model.scale()));
+    form.fixed_view_mut::<9, MODES>(0, 0).copy_from(&SMatrix::<f64, 9, MODES>::from_fn(|k, l| products[k][l] * scale));
     for w in 0..3 {
         let turned_stress = spin(w) * pk1;
         for k in 0..MODES {
@@ -81,8 +93,8 @@ pub(super) fn tangent<B: RealBackend>(
             form[(MODES + v, MODES + w)] = (spin(v) * f).dot(&turned_stress);
         }
     }
-    let coefficients = increment_coefficients(f).ok_or(RveError::Inverted(f.determinant()))?;
-    Ok(coefficients.transpose() * form * coefficients)
+    let coefficients = increment_coefficients(f)?;
+    Some(coefficients.transpose() * form * coefficients)
 }
 
 /// The `k`-th symmetric unit increment `S_k`, in Voigt order 11, 22, 33, 23, 13, 12.
@@ -283,7 +295,7 @@ fn correct_modes<B: RealBackend>(model: &RveModel<B>, workspace: &mut Workspace<
 
 /// Column `l`: the products, over all nodes, of `K v_l` with the sensitivities `v_k` of the six strains and with `W x`
 /// of the three spins, computed in one pass.
-fn sensitivity_products<B: Backend>(workspace: &Workspace<B>) -> SMatrix<f64, 9, MODES> {
+fn sensitivity_products<B: Backend>(workspace: &Workspace<B>) -> [[f64; MODES]; 9] {
     let spins: [Matrix3<f64>; 3] = std::array::from_fn(spin);
     let mut products = [[0.0; MODES]; 9];
     for ((v, q), x) in workspace.sensitivities.iter().zip(&workspace.force_sensitivities).zip(&workspace.positions) {
@@ -298,5 +310,5 @@ fn sensitivity_products<B: Backend>(workspace: &Workspace<B>) -> SMatrix<f64, 9,
             }
         }
     }
-    SMatrix::from_fn(|k, l| products[k][l])
+    products
 }

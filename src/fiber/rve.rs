@@ -329,6 +329,26 @@ impl Rve {
         self.interior.len() == other.interior.len() && pairs.into_iter().all(|(a, b)| (a - b).abs() <= NEAR)
     }
 
+    /// Replaces the state by an equilibrium of the same network, which was found at `gradient`.
+    #[cfg_attr(not(feature = "cuda"), allow(dead_code, reason = "only devices find equilibria elsewhere"))]
+    pub(crate) fn replace(
+        &mut self,
+        gradient: &Matrix3<f64>,
+        interior: &[[f64; 3]],
+        sensitivities: Option<&[Sensitivities]>,
+    ) {
+        self.gradient = *gradient;
+        self.interior.clear();
+        self.interior.extend_from_slice(interior);
+        match (sensitivities, &mut self.sensitivities) {
+            (Some(new), Some(old)) => {
+                old.clear();
+                old.extend_from_slice(new);
+            }
+            (new, old) => *old = new.map(<[Sensitivities]>::to_vec),
+        }
+    }
+
     /// Copies the equilibrium of another state of the same network and discards the sensitivities of this one.
     pub fn copy_equilibrium_from(&mut self, other: &Self) {
         self.gradient = other.gradient;

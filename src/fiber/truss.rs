@@ -124,6 +124,16 @@ impl Truss {
         &self.lengths
     }
 
+    /// Cross-sectional areas in the order of this truss, in the squared unit of the radii.
+    pub fn areas(&self) -> &[f64] {
+        &self.areas
+    }
+
+    /// The laws, each with the range of fibers that follow it.
+    pub fn laws(&self) -> impl ExactSizeIterator<Item = (&Law, Range<usize>)> {
+        self.laws.iter().map(|(law, range)| (law, range.clone()))
+    }
+
     /// `sum_f A_f L_f`: fiber volume in the unit cube, with areas in the squared units of the radii.
     pub fn volume(&self) -> f64 {
         self.volumes.iter().sum()

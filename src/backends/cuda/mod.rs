@@ -7,6 +7,7 @@
 
 mod device;
 mod error;
+pub mod networks;
 
 pub use device::Device;
 pub use error::CudaError;

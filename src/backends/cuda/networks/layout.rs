@@ -1,0 +1,97 @@
+//! The data that the host and the kernels share.
+
+/// What is the same for all networks of a batch: the structure `Uniform` of `kernel.cu`, whose comments say what the
+/// addresses refer to. Addresses are those of the device, or of the host where the kernels are emulated.
+#[derive(Clone, Copy, Debug, Default)]
+#[repr(C)]
+pub(super) struct Uniform {
+    pub fiber_ends: u64,
+    pub fiber_sizes: u64,
+    pub fiber_laws: u64,
+    pub laws: u64,
+    pub boundary: u64,
+    pub incident_start: u64,
+    pub incident: u64,
+    pub edge_start: u64,
+    pub edge_fibers: u64,
+    pub factor: u64,
+    pub row_start: u64,
+    pub row_blocks: u64,
+    pub column_start: u64,
+    pub column_rows: u64,
+    pub order: u64,
+    pub caller_gradients: u64,
+    pub caller_positions: u64,
+    pub caller_sensitivities: u64,
+    pub caller_targets: u64,
+    pub caller_reached: u64,
+    pub caller_results: u64,
+    pub gradients: u64,
+    pub positions: u64,
+    pub sensitivities: u64,
+    pub has_sensitivities: u64,
+    pub targets: u64,
+    pub reached: u64,
+    pub results: u64,
+    pub trial: u64,
+    pub direction: u64,
+    pub fiber_blocks: u64,
+    pub fiber_pulls: u64,
+    pub diagonal: u64,
+    pub lower: u64,
+    pub modes: u64,
+    pub networks: u64,
+    pub first: u64,
+    pub interior: u32,
+    pub nodes: u32,
+    pub fibers: u32,
+    pub blocks: u32,
+    pub max_iterations: u32,
+    pub max_backtracks: u32,
+    pub memory: u32,
+    pub wants_tangent: u32,
+    pub tolerance: f64,
+    pub floor: f64,
+    pub sufficient_decrease: f64,
+    pub excessive_force: f64,
+}
+
+// SAFETY: a structure of numbers without padding, which the kernels take by value.
+unsafe impl cudarc::driver::DeviceRepr for Uniform {}
+
+/// Networks in a tile, whose numbers alternate.
+pub(super) const LANES: usize = 32;
+
+/// Threads of a block of the device.
+pub(super) const BLOCK_THREADS: usize = 128;
+
+/// Strain modes.
+pub(super) const MODES: usize = 6;
+
+/// Numbers of a law.
+pub(super) const LAW_LEN: usize = 8;
+
+/// Numbers of a result, and where its parts are.
+pub(super) const RESULT_LEN: usize = 71;
+pub(super) const STATUS: usize = 0;
+pub(super) const ITERATIONS: usize = 1;
+pub(super) const BACKTRACKS: usize = 2;
+pub(super) const RESIDUAL: usize = 3;
+pub(super) const SCALE: usize = 4;
+pub(super) const PIVOT_RATIO: usize = 5;
+pub(super) const ENERGY: usize = 6;
+pub(super) const IMBALANCE: usize = 7;
+pub(super) const STRESS: usize = 8;
+pub(super) const FORM: usize = 17;
+
+/// The source of the kernels.
+pub(super) const SOURCE: &str = include_str!("kernel.cu");
+
+/// The names of the kernels.
+pub(super) const KERNELS: [&str; 6] =
+    ["equilibrate", "condense", "take_targets", "take_states", "give_states", "give_results"];
+
+/// The definitions that precede the source.
+pub(super) fn definitions() -> String {
+    format!("#define BLOCK_THREADS {BLOCK_THREADS}\n#define ROWS {}\n", super::schedule::ROWS)
+}

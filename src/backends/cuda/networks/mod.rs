@@ -1,0 +1,594 @@
+//! Equilibria of many fiber networks at once, one thread of the device for each.
+//!
+//! All networks of a [`NetworkBatch`] have the same connectivity; each has its own positions and deformation gradient. The
+//! kernels find equilibria by Newton's method with a line search, factor the stiffness in 3x3 blocks, prove with the
+//! factor that an equilibrium is stable, and compute stress, energy and the sensitivities for the tangent. States stay on
+//! the device until they are read; a solution transfers deformation gradients in and [`NetworkResult`]s out.
+//!
+//! The order of elimination and the operations of the factorization are computed once on the host and are data of the
+//! kernels (`schedule.rs`). Numbers of 32 networks alternate in memory, so that the threads of a warp access contiguous
+//! bytes. A network that needs more than Newton's method (its stiffness is not positive definite, the line search fails,
+//! the iterations do not suffice) keeps its state and gets a [`Status`] that says so.
+
+#[cfg(test)]
+mod emulation;
+mod layout;
+mod queue;
+mod result;
+mod schedule;
+
+use std::sync::Arc;
+
+use cudarc::driver::{DeviceRepr, ValidAsZeroBits};
+
+use super::{CudaError, Device};
+use crate::backends::sparse::Sparse;
+use crate::las::{Backend, SolverParams, Sparsity, Symmetry};
+use layout::{BLOCK_THREADS, LANES, LAW_LEN, MODES, RESULT_LEN, Uniform};
+use queue::{Kernel, Memory, Queue};
+pub use result::{NetworkResult, NetworkResults, Status};
+use schedule::Schedule;
+
+/// The law of a fiber: the nominal stress as a function of the stretch, see `fiber::law`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LawData {
+    /// The law in tension, and in compression if there is no buckling.
+    pub formula: LawFormula,
+    /// Residual stiffness and buckling strain.
+    pub buckling: Option<(f64, f64)>,
+}
+
+/// The formula of a law.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[allow(missing_docs, reason = "the parameters are those of the laws of the same name")]
+pub enum LawFormula {
+    /// See `fiber::law::Linear`.
+    Linear { youngs_modulus: f64 },
+    /// See `fiber::law::Exponential`.
+    Exponential { youngs_modulus: f64, nonlinearity: f64 },
+    /// See `fiber::law::ExponentialStretch`.
+    ExponentialStretch { youngs_modulus: f64, nonlinearity: f64, transition: f64 },
+}
+
+impl LawData {
+    fn numbers(&self) -> [f64; LAW_LEN] {
+        let (kind, e, b, transition) = match self.formula {
+            LawFormula::Linear { youngs_modulus } => (0.0, youngs_modulus, 1.0, 1.0),
+            LawFormula::Exponential { youngs_modulus, nonlinearity } => (1.0, youngs_modulus, nonlinearity, 1.0),
+            LawFormula::ExponentialStretch { youngs_modulus, nonlinearity, transition } => {
+                (2.0, youngs_modulus, nonlinearity, transition)
+            }
+        };
+        let (residual, strain) = self.buckling.unwrap_or((1.0, 1.0));
+        [kind, e, b, transition, f64::from(u8::from(self.buckling.is_some())), residual, strain, e]
+    }
+}
+
+/// The network that all members of a batch share.
+#[derive(Clone, Debug)]
+pub struct NetworkData {
+    /// Number of interior nodes, which move; they have the first numbers.
+    pub interior: usize,
+    /// Reference positions of the boundary nodes, which follow the deformation gradient.
+    pub boundary: Vec<[f64; 3]>,
+    /// The two nodes of each fiber.
+    pub ends: Vec<[u32; 2]>,
+    /// The reference length of each fiber.
+    pub lengths: Vec<f64>,
+    /// The cross-sectional area of each fiber.
+    pub areas: Vec<f64>,
+    /// The law of each fiber, an index into `laws`.
+    pub law_of: Vec<u32>,
+    /// The laws.
+    pub laws: Vec<LawData>,
+}
+
+/// Tolerances and limits of a solution; see [`NewtonParams`](crate::las::NewtonParams).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BatchParams {
+    /// Residual norm relative to the forces of all nodes at convergence.
+    pub tolerance: f64,
+    /// Residual norm, in N, at which a network has converged in any case.
+    pub floor: f64,
+    /// Most iterations.
+    pub max_iterations: u32,
+    /// Most reductions of the step length.
+    pub max_backtracks: u32,
+    /// The constant of the sufficient-decrease condition.
+    pub sufficient_decrease: f64,
+    /// Iterates in the sufficient-decrease condition, 1 to 8.
+    pub memory: u32,
+    /// Ratio of the nominal stress of a fiber and its modulus at which the solution stops.
+    pub excessive_force: f64,
+    /// Whether the results have the form of the tangent.
+    pub wants_tangent: bool,
+}
+
+/// The states of networks, one after the other.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct NetworkStates {
+    /// The deformation gradient of each state, row by row.
+    pub gradients: Vec<[f64; 9]>,
+    /// The positions of the interior nodes, three numbers each.
+    pub positions: Vec<f64>,
+    /// Eighteen numbers for each interior node: the sensitivities of its position to the six unit strains, minus those of
+    /// the affine motion. Empty if the batch keeps none.
+    pub sensitivities: Vec<f32>,
+    /// 1 for each network whose next start is predicted from its sensitivities, else 0.
+    pub predicts: Vec<f64>,
+}
+
+/// Many networks on a device.
+pub struct NetworkBatch {
+    queue: Queue,
+    /// The addresses and counts of the network.
+    uniform: Uniform,
+    /// What the addresses refer to.
+    _network: (Vec<Memory<u32>>, Vec<Memory<f64>>),
+    operations: f64,
+    bytes_of_factorization: f64,
+    keeps_sensitivities: bool,
+    networks: Option<Networks>,
+    scratch: Option<Scratch>,
+}
+
+/// The memory of the networks: whole tiles.
+struct Networks {
+    /// Networks that fit.
+    capacity: usize,
+    /// Networks that have a state.
+    count: usize,
+    /// In the caller's order: gradients, positions, targets, positions to reach, results.
+    caller: [Memory<f64>; 5],
+    caller_sensitivities: Memory<f32>,
+    /// By tiles: gradients, positions, whether the start is predicted, targets, positions to reach, results.
+    tiles: [Memory<f64>; 6],
+    sensitivities: Memory<f32>,
+}
+
+/// The memory of the threads that solve.
+struct Scratch {
+    threads: usize,
+    arrays: [Memory<f64>; 7],
+}
+
+impl NetworkBatch {
+    /// Makes an empty batch on a device. With `keeps_sensitivities`, solutions start from a first-order prediction.
+    ///
+    /// # Errors
+    /// Returns the error of the device, for example if the network does not fit into its memory.
+    ///
+    /// # Panics
+    /// Panics if the lists of the network have different lengths, or if a fiber has a node or a law that does not exist.
+    pub fn new(device: &Device, network: &NetworkData, keeps_sensitivities: bool) -> Result<Self, CudaError> {
+        Self::on(Queue::on(device)?, network, keeps_sensitivities)
+    }
+
+    /// Makes an empty batch whose kernels run on the processor; `None` without a C++ compiler.
+    #[cfg(test)]
+    pub(crate) fn emulated(network: &NetworkData, keeps_sensitivities: bool) -> Option<Self> {
+        let queue = Queue::Emulated(Arc::new(emulation::Emulation::new()?));
+        Some(Self::on(queue, network, keeps_sensitivities).unwrap())
+    }
+
+    fn on(queue: Queue, network: &NetworkData, keeps_sensitivities: bool) -> Result<Self, CudaError> {
+        let plan = Plan::new(network);
+        let mut indices = Vec::new();
+        let mut numbers = Vec::new();
+        let mut index = |values: &[u32]| -> Result<u64, CudaError> {
+            let memory = queue.copy_of(values)?;
+            let address = queue.address(&memory);
+            indices.push(memory);
+            Ok(address)
+        };
+        let mut number = |values: &[f64]| -> Result<u64, CudaError> {
+            let memory = queue.copy_of(values)?;
+            let address = queue.address(&memory);
+            numbers.push(memory);
+            Ok(address)
+        };
+        let schedule = &plan.schedule;
+        let uniform = Uniform {
+            fiber_ends: index(&plan.ends)?,
+            fiber_sizes: number(&plan.sizes)?,
+            fiber_laws: index(&network.law_of)?,
+            laws: number(&network.laws.iter().flat_map(LawData::numbers).collect::<Vec<_>>())?,
+            boundary: number(network.boundary.as_flattened())?,
+            incident_start: index(&plan.incident.0)?,
+            incident: index(&plan.incident.1)?,
+            edge_start: index(&plan.edge_fibers.0)?,
+            edge_fibers: index(&plan.edge_fibers.1)?,
+            factor: index(&schedule.factor)?,
+            row_start: index(&schedule.row_start)?,
+            row_blocks: index(&schedule.row_blocks)?,
+            column_start: index(&schedule.column_start)?,
+            column_rows: index(&schedule.column_rows)?,
+            order: index(&plan.order)?,
+            interior: network.interior as u32,
+            nodes: (network.interior + network.boundary.len()) as u32,
+            fibers: network.ends.len() as u32,
+            blocks: schedule.blocks() as u32,
+            ..Uniform::default()
+        };
+        Ok(Self {
+            queue,
+            uniform,
+            _network: (indices, numbers),
+            operations: schedule.operations(),
+            bytes_of_factorization: plan.bytes_of_factorization(),
+            keeps_sensitivities,
+            networks: None,
+            scratch: None,
+        })
+    }
+
+    /// Number of networks that have a state.
+    pub fn len(&self) -> usize {
+        self.networks.as_ref().map_or(0, |networks| networks.count)
+    }
+
+    /// Returns true if no network has a state.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Floating-point operations of one factorization.
+    pub fn operations(&self) -> f64 {
+        self.operations
+    }
+
+    /// Bytes that a factorization reads and writes if nothing but its sums stays in registers.
+    pub fn bytes_of_factorization(&self) -> f64 {
+        self.bytes_of_factorization
+    }
+
+    /// Bytes of device memory for each network.
+    pub fn bytes_per_network(&self) -> usize {
+        let interior = self.uniform.interior as usize;
+        let sensitivities = if self.keeps_sensitivities { 3 * MODES * interior } else { 0 };
+        2 * (size_of::<f64>() * (9 + 3 * interior + 9 + 3 * interior + RESULT_LEN) + size_of::<f32>() * sensitivities)
+    }
+
+    /// Bytes of device memory for each network that is being solved.
+    pub fn bytes_per_thread(&self) -> usize {
+        size_of::<f64>() * self.scratch_lengths().iter().sum::<usize>()
+    }
+
+    /// Numbers of the arrays of a thread, in the order of [`Scratch::arrays`].
+    fn scratch_lengths(&self) -> [usize; 7] {
+        let Uniform { interior, fibers, blocks, .. } = self.uniform;
+        let (interior, fibers, blocks) = (interior as usize, fibers as usize, blocks as usize);
+        [3 * interior, 3 * interior, 6 * fibers, 3 * fibers, 6 * interior, 9 * blocks, 3 * MODES * interior]
+    }
+
+    /// Returns how many networks fit into the free memory beside what is already allocated, at most `wanted`.
+    ///
+    /// # Errors
+    /// Returns the error of the device.
+    pub fn fitting(&self, wanted: usize) -> Result<usize, CudaError> {
+        /// Part of the free memory to use.
+        const SHARE: f64 = 0.8;
+        let held = self.networks.as_ref().map_or(0, |networks| networks.capacity);
+        if wanted <= held {
+            return Ok(wanted);
+        }
+        let free = (SHARE * self.queue.free_bytes()? as f64) as usize + held * self.bytes_per_network();
+        let threads = self.queue.resident_threads(Kernel::Equilibrate)?;
+        // Few networks at a time are better than none.
+        let of_scratch = if self.scratch.is_some() { 0 } else { self.bytes_per_thread() * threads.min(wanted) };
+        let for_networks = free.saturating_sub(of_scratch).max(free / 2);
+        Ok(wanted.min((for_networks / self.bytes_per_network() / LANES * LANES).max(LANES)))
+    }
+
+    /// Replaces all networks by these.
+    ///
+    /// # Errors
+    /// Returns the error of the device, for example if its memory does not suffice.
+    ///
+    /// # Panics
+    /// Panics if the lists of the states have other lengths than the networks need.
+    pub fn set_states(&mut self, states: &NetworkStates) -> Result<(), CudaError> {
+        let count = states.gradients.len();
+        let interior = self.uniform.interior as usize;
+        assert_eq!(states.positions.len(), 3 * interior * count, "three coordinates for each interior node");
+        self.reserve(count)?;
+        let Some(networks) = &mut self.networks else { return Ok(()) };
+        networks.count = count;
+        let [gradients, positions, ..] = &mut networks.caller;
+        self.queue.write(states.gradients.as_flattened(), gradients)?;
+        self.queue.write(&states.positions, positions)?;
+        if self.keeps_sensitivities {
+            assert_eq!(states.sensitivities.len(), 3 * MODES * interior * count, "18 numbers for each interior node");
+            assert_eq!(states.predicts.len(), count, "one number for each network");
+            self.queue.write(&states.sensitivities, &mut networks.caller_sensitivities)?;
+            self.queue.write(&states.predicts, &mut networks.tiles[2])?;
+        }
+        let uniform = self.of_networks(count);
+        self.run(Kernel::TakeStates, &uniform, count)
+    }
+
+    /// Reads the states of all networks.
+    ///
+    /// # Errors
+    /// Returns the error of the device.
+    pub fn states(&self) -> Result<NetworkStates, CudaError> {
+        let Some(networks) = &self.networks else { return Ok(NetworkStates::default()) };
+        let (count, interior) = (networks.count, self.uniform.interior as usize);
+        self.run(Kernel::GiveStates, &self.of_networks(count), count)?;
+        let sensitivities = if self.keeps_sensitivities { 3 * MODES * interior * count } else { 0 };
+        let mut states = NetworkStates {
+            gradients: vec![[0.0; 9]; count],
+            positions: vec![0.0; 3 * interior * count],
+            sensitivities: vec![0.0; sensitivities],
+            predicts: vec![0.0; if self.keeps_sensitivities { count } else { 0 }],
+        };
+        let [gradients, positions, ..] = &networks.caller;
+        self.queue.read(gradients, states.gradients.as_flattened_mut())?;
+        self.queue.read(positions, &mut states.positions)?;
+        self.queue.read(&networks.caller_sensitivities, &mut states.sensitivities)?;
+        self.queue.read(&networks.tiles[2], &mut states.predicts)?;
+        Ok(states)
+    }
+
+    /// Finds the equilibria of the first networks at these deformation gradients, given row by row; an equilibrium becomes
+    /// the state of its network.
+    ///
+    /// # Errors
+    /// Returns the error of the device; the states are then undefined.
+    ///
+    /// # Panics
+    /// Panics if there are more gradients than networks.
+    pub fn solve(&mut self, targets: &[[f64; 9]], params: &BatchParams) -> Result<NetworkResults, CudaError> {
+        self.reserve_scratch(targets.len())?;
+        let uniform = self.prepare(targets, None, params)?;
+        let Some(scratch) = &self.scratch else { return Ok(NetworkResults::default()) };
+        for first in (0..targets.len()).step_by(scratch.threads) {
+            let threads = scratch.threads.min(targets.len() - first);
+            let uniform = Uniform { first: first as u64, ..uniform };
+            self.run(Kernel::Equilibrate, &uniform, threads)?;
+            self.run(Kernel::Condense, &uniform, threads)?;
+        }
+        self.results(&uniform, targets.len())
+    }
+
+    /// Tests for the first networks whether Newton leads from their states, moved affinely to these deformation gradients,
+    /// to the equilibria whose interior positions are given, network after network: [`Status::Continues`] if it
+    /// evidently does. States do not change.
+    ///
+    /// # Errors
+    /// Returns the error of the device.
+    ///
+    /// # Panics
+    /// Panics if there are more gradients than networks, or not three coordinates for each interior node.
+    pub fn continues(
+        &mut self,
+        targets: &[[f64; 9]],
+        reached: &[f64],
+        params: &BatchParams,
+    ) -> Result<NetworkResults, CudaError> {
+        /// Most Newton steps of the test.
+        const STEPS: u32 = 3;
+        assert_eq!(reached.len(), 3 * self.uniform.interior as usize * targets.len(), "the positions of all networks");
+        self.reserve_scratch(targets.len())?;
+        let params = BatchParams { max_iterations: STEPS, ..*params };
+        let uniform = self.prepare(targets, Some(reached), &params)?;
+        let Some(scratch) = &self.scratch else { return Ok(NetworkResults::default()) };
+        for first in (0..targets.len()).step_by(scratch.threads) {
+            let uniform = Uniform { first: first as u64, ..uniform };
+            self.run(Kernel::Equilibrate, &uniform, scratch.threads.min(targets.len() - first))?;
+        }
+        self.results(&uniform, targets.len())
+    }
+
+    /// Copies targets to the device.
+    fn prepare(
+        &mut self,
+        targets: &[[f64; 9]],
+        reached: Option<&[f64]>,
+        params: &BatchParams,
+    ) -> Result<Uniform, CudaError> {
+        assert!(targets.len() <= self.len(), "a state for each target");
+        assert!((1..=8).contains(&params.memory), "1 to 8 iterates in the sufficient-decrease condition");
+        let Some(networks) = &mut self.networks else { return Ok(self.uniform) };
+        self.queue.write(targets.as_flattened(), &mut networks.caller[2])?;
+        self.queue.write(reached.unwrap_or_default(), &mut networks.caller[3])?;
+        let mut uniform = self.of_networks(targets.len());
+        if reached.is_none() {
+            (uniform.reached, uniform.caller_reached) = (0, 0);
+        }
+        let BatchParams { tolerance, floor, max_iterations, max_backtracks, .. } = *params;
+        let BatchParams { sufficient_decrease, memory, excessive_force, wants_tangent, .. } = *params;
+        let wants_tangent = u32::from(wants_tangent);
+        let uniform = Uniform { tolerance, floor, max_iterations, max_backtracks, sufficient_decrease, ..uniform };
+        let uniform = Uniform { memory, excessive_force, wants_tangent, ..uniform };
+        self.run(Kernel::TakeTargets, &uniform, targets.len())?;
+        Ok(uniform)
+    }
+
+    fn results(&self, uniform: &Uniform, count: usize) -> Result<NetworkResults, CudaError> {
+        let Some(networks) = &self.networks else { return Ok(NetworkResults::default()) };
+        self.run(Kernel::GiveResults, uniform, count)?;
+        let mut values = vec![0.0; RESULT_LEN * count];
+        self.queue.read(&networks.caller[4], &mut values)?;
+        Ok(NetworkResults::new(values))
+    }
+
+    fn run(&self, kernel: Kernel, uniform: &Uniform, threads: usize) -> Result<(), CudaError> {
+        if threads == 0 {
+            return Ok(());
+        }
+        // SAFETY: the addresses are those of memory of this batch, whose lengths `reserve` and `reserve_scratch` choose
+        // for these counts; the stream frees memory only after the kernels before it.
+        unsafe { self.queue.launch(kernel, uniform, threads) }
+    }
+
+    /// Returns the data of the kernels for the first networks.
+    fn of_networks(&self, count: usize) -> Uniform {
+        let mut uniform = Uniform { networks: count as u64, ..self.uniform };
+        if let Some(Networks { caller, caller_sensitivities, tiles, sensitivities, .. }) = &self.networks {
+            let [gradients, positions, targets, reached, results] = caller.each_ref().map(|m| self.queue.address(m));
+            (uniform.caller_gradients, uniform.caller_positions, uniform.caller_targets) =
+                (gradients, positions, targets);
+            (uniform.caller_reached, uniform.caller_results) = (reached, results);
+            let [gradients, positions, predicts, targets, reached, results] =
+                tiles.each_ref().map(|m| self.queue.address(m));
+            (uniform.gradients, uniform.positions, uniform.targets) = (gradients, positions, targets);
+            (uniform.reached, uniform.results) = (reached, results);
+            if self.keeps_sensitivities {
+                uniform.caller_sensitivities = self.queue.address(caller_sensitivities);
+                uniform.sensitivities = self.queue.address(sensitivities);
+                uniform.has_sensitivities = predicts;
+            }
+        }
+        if let Some(Scratch { arrays, .. }) = &self.scratch {
+            let [trial, direction, fiber_blocks, fiber_pulls, diagonal, lower, modes] =
+                arrays.each_ref().map(|m| self.queue.address(m));
+            (uniform.trial, uniform.direction, uniform.fiber_blocks) = (trial, direction, fiber_blocks);
+            (uniform.fiber_pulls, uniform.diagonal, uniform.lower) = (fiber_pulls, diagonal, lower);
+            uniform.modes = modes;
+        }
+        uniform
+    }
+
+    /// Allocates memory for this number of networks.
+    fn reserve(&mut self, count: usize) -> Result<(), CudaError> {
+        if self.networks.as_ref().is_some_and(|networks| networks.capacity >= count) || count == 0 {
+            if let Some(networks) = &mut self.networks {
+                networks.count = count;
+            }
+            return Ok(());
+        }
+        self.networks = None;
+        let capacity = count.next_multiple_of(LANES);
+        let interior = self.uniform.interior as usize;
+        let of_sensitivities = if self.keeps_sensitivities { 3 * MODES * interior } else { 0 };
+        let numbers = |per_network: usize| self.queue.zeros::<f64>(per_network * capacity);
+        let singles = || self.queue.zeros::<f32>(of_sensitivities * capacity);
+        self.networks = Some(Networks {
+            capacity,
+            count,
+            caller: arrays([9, 3 * interior, 9, 3 * interior, RESULT_LEN], numbers)?,
+            caller_sensitivities: singles()?,
+            tiles: arrays([9, 3 * interior, 1, 9, 3 * interior, RESULT_LEN], numbers)?,
+            sensitivities: singles()?,
+        });
+        Ok(())
+    }
+
+    /// Allocates memory for as many threads as the device executes at the same time, as its memory holds, or as there are
+    /// networks.
+    fn reserve_scratch(&mut self, networks: usize) -> Result<(), CudaError> {
+        let wanted = self.queue.resident_threads(Kernel::Equilibrate)?.min(networks.next_multiple_of(BLOCK_THREADS));
+        if self.scratch.as_ref().is_some_and(|scratch| scratch.threads >= wanted) {
+            return Ok(());
+        }
+        self.scratch = None;
+        let fitting = (0.9 * self.queue.free_bytes()? as f64) as usize / self.bytes_per_thread().max(1);
+        let threads = wanted.min((fitting / BLOCK_THREADS).max(1) * BLOCK_THREADS);
+        let arrays = arrays(self.scratch_lengths(), |per_thread| self.queue.zeros(per_thread * threads))?;
+        self.scratch = Some(Scratch { threads, arrays });
+        Ok(())
+    }
+}
+
+fn arrays<T: DeviceRepr + ValidAsZeroBits, const N: usize>(
+    lengths: [usize; N],
+    make: impl Fn(usize) -> Result<Memory<T>, CudaError>,
+) -> Result<[Memory<T>; N], CudaError> {
+    let mut made = Vec::with_capacity(N);
+    for length in lengths {
+        made.push(make(length)?);
+    }
+    made.try_into().map_err(|_| unreachable!("one array for each length"))
+}
+
+impl std::fmt::Debug for NetworkBatch {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("NetworkBatch").field("networks", &self.len()).finish_non_exhaustive()
+    }
+}
+
+/// A network with its nodes in the order of elimination.
+struct Plan {
+    /// By place in the order: the interior node.
+    order: Vec<u32>,
+    ends: Vec<u32>,
+    sizes: Vec<f64>,
+    /// By node: the fibers that end there, as `kernel.cu` stores them.
+    incident: (Vec<u32>, Vec<u32>),
+    /// By pair of interior nodes that fibers connect: these fibers.
+    edge_fibers: (Vec<u32>, Vec<u32>),
+    schedule: Schedule,
+}
+
+impl Plan {
+    fn new(network: &NetworkData) -> Self {
+        let NetworkData { interior, boundary, ends, lengths, areas, law_of, laws } = network;
+        let nodes = interior + boundary.len();
+        assert!(ends.as_flattened().iter().all(|&node| (node as usize) < nodes), "the nodes of the fibers exist");
+        assert!(law_of.iter().all(|&law| (law as usize) < laws.len()), "the laws of the fibers exist");
+        let fibers = ends.len();
+        assert!([lengths.len(), areas.len(), law_of.len()] == [fibers; 3], "one entry for each fiber");
+        let order = elimination_order(*interior, ends);
+        let mut number: Vec<u32> = (0..nodes as u32).collect();
+        for (place, &node) in order.iter().enumerate() {
+            number[node as usize] = place as u32;
+        }
+        let ends: Vec<[u32; 2]> = ends.iter().map(|ends| ends.map(|node| number[node as usize])).collect();
+        let is_interior = |node: u32| (node as usize) < *interior;
+        let mut edges: Vec<([u32; 2], u32)> = (0..)
+            .zip(&ends)
+            .filter(|(_, [a, b])| is_interior(*a) && is_interior(*b) && a != b)
+            .map(|(fiber, &[a, b])| ([a.min(b), a.max(b)], fiber))
+            .collect();
+        edges.sort_unstable();
+        let of_edges: Vec<&[([u32; 2], u32)]> = edges.chunk_by(|a, b| a.0 == b.0).collect();
+        let pairs: Vec<[u32; 2]> = of_edges.iter().map(|fibers| fibers[0].0).collect();
+        let mut incident = vec![Vec::new(); nodes];
+        for (fiber, ends) in (0..).zip(&ends) {
+            for (end, &node) in (0..).zip(ends) {
+                incident[node as usize].push(2 * fiber + end);
+            }
+        }
+        let size = |(&length, &area): (&f64, &f64)| [length, area, area / length, area * length];
+        Self {
+            sizes: lengths.iter().zip(areas).flat_map(size).collect(),
+            schedule: Schedule::new(*interior, &pairs),
+            edge_fibers: schedule::flattened(
+                &of_edges.iter().map(|of| of.iter().map(|&(_, fiber)| fiber).collect()).collect::<Vec<Vec<u32>>>(),
+            ),
+            incident: schedule::flattened(&incident),
+            ends: ends.into_flattened(),
+            order,
+        }
+    }
+
+    /// Returns the bytes that a factorization reads and writes.
+    fn bytes_of_factorization(&self) -> f64 {
+        let (blocks, diagonal, vector) = (9, 6, 3);
+        // The incident fibers of interior nodes, and the fibers between them.
+        let interior = self.order.len();
+        let fibers = self.incident.0[interior] as usize + self.edge_fibers.1.len();
+        // Blocks of the row of each node with the solution so far, the factor itself, and the vectors.
+        let rows = self.schedule.blocks() * (blocks + vector);
+        let written = self.schedule.blocks() * blocks + interior * (diagonal + 2 * vector);
+        (size_of::<f64>() * (diagonal * fibers + rows + written + blocks * self.schedule.reads())) as f64
+    }
+}
+
+/// Returns the order in which the backend `sparse` eliminates the nodes.
+fn elimination_order(interior: usize, ends: &[[u32; 2]]) -> Vec<u32> {
+    let unknowns = |node: u32| {
+        let first = if (node as usize) < interior { 3 * node as i32 } else { -3 };
+        [first, first + 1, first + 2].map(|unknown| unknown.max(-1))
+    };
+    let elements = ends.iter().map(|ends| ends.map(unknowns).concat());
+    let pattern = Sparsity::from_elements(3 * interior, elements.collect::<Vec<_>>());
+    let symbolic = pattern.ok().and_then(|pattern| {
+        Sparse::<f64>::analyze(&(), &Arc::new(pattern), &SolverParams::new(Symmetry::Definite)).ok()
+    });
+    match symbolic {
+        Some(symbolic) => symbolic.order().iter().step_by(3).map(|&unknown| unknown / 3).collect(),
+        None => (0..interior as u32).collect(),
+    }
+}

@@ -1,0 +1,179 @@
+//! Where the kernels run: a device, or in tests the processor.
+
+use std::sync::Arc;
+
+use cudarc::driver::{CudaFunction, CudaSlice, DevicePtr, DeviceRepr, LaunchConfig, PushKernelArg, ValidAsZeroBits};
+
+use super::layout::{BLOCK_THREADS, KERNELS, SOURCE, Uniform, definitions};
+use crate::backends::cuda::{CudaError, Device};
+
+/// The kernels, and where they run.
+#[derive(Clone)]
+pub(super) enum Queue {
+    Device {
+        device: Device,
+        functions: Arc<[CudaFunction; KERNELS.len()]>,
+    },
+    #[cfg(test)]
+    Emulated(Arc<super::emulation::Emulation>),
+}
+
+/// Memory that the kernels access.
+pub(super) enum Memory<T> {
+    Device(CudaSlice<T>),
+    #[cfg(test)]
+    Host(Vec<T>),
+}
+
+/// A kernel, by its place in [`KERNELS`].
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Kernel {
+    Equilibrate,
+    Condense,
+    TakeTargets,
+    TakeStates,
+    GiveStates,
+    GiveResults,
+}
+
+impl Queue {
+    /// Compiles the kernels for a device.
+    pub fn on(device: &Device) -> Result<Self, CudaError> {
+        let module = device.load(&(definitions() + SOURCE))?;
+        let mut functions = Vec::new();
+        for name in KERNELS {
+            functions.push(module.load_function(name).map_err(CudaError::of("find a kernel"))?);
+        }
+        let functions: Result<[CudaFunction; KERNELS.len()], _> = functions.try_into();
+        let functions = functions
+            .map_err(|_| CudaError::Compile { architecture: String::new(), log: "a kernel is missing".into() })?;
+        Ok(Self::Device { device: device.clone(), functions: Arc::new(functions) })
+    }
+
+    /// Allocates memory for `len` numbers, all zero.
+    pub fn zeros<T: DeviceRepr + ValidAsZeroBits + Clone + Default>(&self, len: usize) -> Result<Memory<T>, CudaError> {
+        match self {
+            // An allocation of no bytes is an error.
+            Self::Device { device, .. } => {
+                device.stream().alloc_zeros(len.max(1)).map(Memory::Device).map_err(CudaError::of("allocate memory"))
+            }
+            #[cfg(test)]
+            Self::Emulated(_) => Ok(Memory::Host(vec![T::default(); len])),
+        }
+    }
+
+    /// Copies numbers to the device.
+    pub fn copy_of<T: DeviceRepr + ValidAsZeroBits + Clone + Default>(
+        &self,
+        values: &[T],
+    ) -> Result<Memory<T>, CudaError> {
+        let mut memory = self.zeros(values.len())?;
+        self.write(values, &mut memory)?;
+        Ok(memory)
+    }
+
+    /// Copies numbers to the first places of a memory.
+    ///
+    /// # Panics
+    /// Panics if the memory is shorter.
+    pub fn write<T: DeviceRepr + Clone>(&self, values: &[T], memory: &mut Memory<T>) -> Result<(), CudaError> {
+        match (self, memory) {
+            _ if values.is_empty() => Ok(()),
+            (Self::Device { device, .. }, Memory::Device(memory)) => {
+                let mut part = memory.slice_mut(..values.len());
+                device.stream().memcpy_htod(values, &mut part).map_err(CudaError::of("copy to the device"))
+            }
+            #[cfg(test)]
+            (Self::Emulated(_), Memory::Host(memory)) => {
+                memory[..values.len()].clone_from_slice(values);
+                Ok(())
+            }
+            #[cfg(test)]
+            _ => unreachable!("memory of another queue"),
+        }
+    }
+
+    /// Copies the first numbers of a memory, after all kernels have finished.
+    ///
+    /// # Panics
+    /// Panics if the memory is shorter.
+    pub fn read<T: DeviceRepr + Clone>(&self, memory: &Memory<T>, values: &mut [T]) -> Result<(), CudaError> {
+        match (self, memory) {
+            _ if values.is_empty() => Ok(()),
+            (Self::Device { device, .. }, Memory::Device(memory)) => {
+                let part = memory.slice(..values.len());
+                device.stream().memcpy_dtoh(&part, values).map_err(CudaError::of("copy from the device"))?;
+                device.synchronize()
+            }
+            #[cfg(test)]
+            (Self::Emulated(_), Memory::Host(memory)) => {
+                values.clone_from_slice(&memory[..values.len()]);
+                Ok(())
+            }
+            #[cfg(test)]
+            _ => unreachable!("memory of another queue"),
+        }
+    }
+
+    /// Returns the address that the kernels use.
+    pub fn address<T>(&self, memory: &Memory<T>) -> u64 {
+        match (self, memory) {
+            (Self::Device { device, .. }, Memory::Device(memory)) => memory.device_ptr(device.stream()).0,
+            #[cfg(test)]
+            (_, Memory::Host(memory)) => memory.as_ptr() as u64,
+            #[cfg(test)]
+            _ => unreachable!("memory of another queue"),
+        }
+    }
+
+    /// Starts a kernel with at least this number of threads.
+    ///
+    /// # Safety
+    /// The addresses in `uniform` must be those of memory of this queue of the lengths that the kernel expects, which must
+    /// live until the kernel has finished.
+    pub unsafe fn launch(&self, kernel: Kernel, uniform: &Uniform, threads: usize) -> Result<(), CudaError> {
+        match self {
+            Self::Device { device, functions } => {
+                let blocks = threads.div_ceil(BLOCK_THREADS) as u32;
+                let block_dim = (BLOCK_THREADS as u32, 1, 1);
+                let shape = LaunchConfig { grid_dim: (blocks, 1, 1), block_dim, shared_mem_bytes: 0 };
+                let mut launch = device.stream().launch_builder(&functions[kernel as usize]);
+                launch.arg(uniform);
+                // SAFETY: the caller guarantees it.
+                unsafe { launch.launch(shape) }.map(drop).map_err(CudaError::of("start a kernel"))
+            }
+            #[cfg(test)]
+            Self::Emulated(emulation) => {
+                // SAFETY: the caller guarantees it.
+                unsafe { emulation.run(kernel, uniform, threads) };
+                Ok(())
+            }
+        }
+    }
+
+    /// Returns how many threads of a kernel the device executes at the same time.
+    pub fn resident_threads(&self, kernel: Kernel) -> Result<usize, CudaError> {
+        match self {
+            Self::Device { device, functions } => {
+                let blocks = functions[kernel as usize]
+                    .occupancy_max_active_blocks_per_multiprocessor(BLOCK_THREADS as u32, 0, None)
+                    .map_err(CudaError::of("read the occupancy"))?;
+                let count = cudarc::driver::sys::CUdevice_attribute::CU_DEVICE_ATTRIBUTE_MULTIPROCESSOR_COUNT;
+                let multiprocessors =
+                    device.context().attribute(count).map_err(CudaError::of("read the number of multiprocessors"))?;
+                Ok(blocks as usize * multiprocessors as usize * BLOCK_THREADS)
+            }
+            #[cfg(test)]
+            Self::Emulated(_) => Ok(64),
+        }
+    }
+
+    /// Returns the bytes of free memory.
+    pub fn free_bytes(&self) -> Result<usize, CudaError> {
+        match self {
+            Self::Device { device, .. } => Ok(device.memory()?.0),
+            #[cfg(test)]
+            Self::Emulated(_) => Ok(1 << 30),
+        }
+    }
+}

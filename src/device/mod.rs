@@ -1,0 +1,297 @@
+//! Equilibria of many RVEs at once on a graphics processor.
+//!
+//! An [`RveBatch`] belongs to one [`RveModel`]. [`RveBatch::solve`] takes the states of RVEs and returns for each the
+//! stress, energy and tangent that [`equilibrate`](crate::fiber::equilibrium::equilibrate) gives, to rounding errors, or
+//! `None` for an RVE that needs more than Newton's method; its state is then unchanged, and `equilibrate` decides.
+//!
+//! ```no_run
+//! use biotissue::backends::cuda::Device;
+//! use biotissue::device::RveBatch;
+//! use biotissue::fiber::equilibrium::EquilibriumParams;
+//! use biotissue::fiber::rve::{Rve, RveModel};
+//! use biotissue::las::RealBackend;
+//! use nalgebra::Matrix3;
+//!
+//! fn stretch_all<B: RealBackend>(model: &RveModel<B>) -> Result<(), Box<dyn std::error::Error>> {
+//!     let Some(mut batch) = RveBatch::new(&Device::open(0)?, model, true)? else {
+//!         return Err("the device has no such fiber law".into());
+//!     };
+//!     let mut rves = vec![Rve::at_rest(model.network()); 10_000];
+//!     let targets: Vec<_> = (0..rves.len())
+//!         .map(|k| Matrix3::identity() * (1.0 + 1e-6 * k as f64))
+//!         .collect();
+//!     let mut rves: Vec<&mut Rve> = rves.iter_mut().collect();
+//!     for solved in batch.solve(&mut rves, &targets, &EquilibriumParams::default())?.iter().flatten() {
+//!         println!("{}", solved.pk1);
+//!     }
+//!     Ok(())
+//! }
+//! ```
+
+#[cfg(test)]
+mod tests;
+
+use nalgebra::Matrix3;
+use rayon::prelude::*;
+
+use crate::backends::cuda::networks::{
+    BatchParams, LawData, LawFormula, NetworkBatch, NetworkData, NetworkResult, NetworkStates, Status,
+};
+use crate::backends::cuda::{CudaError, Device};
+use crate::fiber::equilibrium::{EquilibriumParams, ExcessiveForce, Stage};
+use crate::fiber::homogenize::{Tangent, tangent_from_form};
+use crate::fiber::law::Law;
+use crate::fiber::rve::{Rve, RveModel, Sensitivities};
+use crate::las::RealBackend;
+
+/// Many RVEs of one model on a device.
+#[derive(Debug)]
+pub struct RveBatch {
+    batch: NetworkBatch,
+    /// The stress scale of the model.
+    scale: f64,
+    /// The residual that counts as zero.
+    floor: f64,
+    predicts: bool,
+    interior: usize,
+}
+
+/// An RVE in equilibrium.
+#[derive(Clone, Copy, Debug)]
+pub struct BatchEquilibrium {
+    /// First Piola-Kirchhoff stress, Pa.
+    pub pk1: Matrix3<f64>,
+    /// Strain energy per reference volume, J/m^3.
+    pub energy: f64,
+    /// `dP/dF`, Pa.
+    pub tangent: Tangent,
+    /// Newton iterations.
+    pub iterations: usize,
+    /// Steps that the line search shortened.
+    pub backtracks: usize,
+}
+
+/// Returns the form in which the kernels evaluate a law; `None` for a table or a custom law.
+fn law_data(law: &Law) -> Option<LawData> {
+    let formula = match *law {
+        Law::Linear { youngs_modulus } => LawFormula::Linear { youngs_modulus },
+        Law::Exponential { youngs_modulus, nonlinearity } => LawFormula::Exponential { youngs_modulus, nonlinearity },
+        Law::ExponentialStretch { youngs_modulus, nonlinearity, transition } => {
+            LawFormula::ExponentialStretch { youngs_modulus, nonlinearity, transition }
+        }
+        Law::Buckling { ref law, compression, buckling_strain } => {
+            let inner = law_data(law)?;
+            // The behavior in tension of a law that itself buckles is that of its own law in tension.
+            return Some(LawData { buckling: Some((compression, buckling_strain)), ..inner });
+        }
+        Law::Table(_) | Law::Custom(_) => return None,
+    };
+    Some(LawData { formula, buckling: None })
+}
+
+/// Returns the network of a model for the kernels.
+fn network_data<B: RealBackend>(model: &RveModel<B>) -> Option<NetworkData> {
+    let (truss, network) = (model.truss(), model.network());
+    let mut laws = Vec::new();
+    let mut law_of = Vec::new();
+    for (law, range) in truss.laws() {
+        law_of.extend(range.map(|_| laws.len() as u32));
+        laws.push(law_data(law)?);
+    }
+    let interior = network.interior().len();
+    let mut number = vec![0; network.nodes().len()];
+    for (place, &node) in (0..).zip(network.interior().iter().chain(network.boundary())) {
+        number[node as usize] = place;
+    }
+    Some(NetworkData {
+        interior,
+        boundary: network.boundary().iter().map(|&node| network.nodes()[node as usize]).collect(),
+        ends: truss.ends().iter().map(|ends| ends.map(|node| number[node as usize])).collect(),
+        lengths: truss.lengths().to_vec(),
+        areas: truss.areas().to_vec(),
+        law_of,
+        laws,
+    })
+}
+
+impl RveBatch {
+    /// Makes an empty batch for RVEs of this model. With `predicts`, a solution keeps the sensitivities of the interior
+    /// nodes, and the next one starts from a first-order prediction.
+    ///
+    /// Returns `None` if the device cannot evaluate a law of the model, which is a table or a custom law.
+    ///
+    /// # Errors
+    /// Returns the error of the device.
+    pub fn new<B: RealBackend>(
+        device: &Device,
+        model: &RveModel<B>,
+        predicts: bool,
+    ) -> Result<Option<Self>, CudaError> {
+        let Some(network) = network_data(model) else { return Ok(None) };
+        Ok(Some(Self::of(model, NetworkBatch::new(device, &network, predicts)?, predicts)))
+    }
+
+    /// Makes an empty batch whose kernels run on the processor; `None` without a C++ compiler.
+    #[cfg(test)]
+    pub(crate) fn emulated<B: RealBackend>(model: &RveModel<B>, predicts: bool) -> Option<Self> {
+        let batch = NetworkBatch::emulated(&network_data(model)?, predicts)?;
+        Some(Self::of(model, batch, predicts))
+    }
+
+    fn of<B: RealBackend>(model: &RveModel<B>, batch: NetworkBatch, predicts: bool) -> Self {
+        let interior = model.network().interior().len();
+        Self { batch, scale: model.scale(), floor: model.rounding_floor(), predicts, interior }
+    }
+
+    /// The networks on the device.
+    pub fn networks(&mut self) -> &mut NetworkBatch {
+        &mut self.batch
+    }
+
+    /// Floating-point operations of one factorization of the stiffness.
+    pub fn operations(&self) -> f64 {
+        self.batch.operations()
+    }
+
+    /// Returns the parameters for the kernels; `None` if the parameters ask for something else than Newton's method as the
+    /// first stage.
+    pub fn params(&self, params: &EquilibriumParams) -> Option<BatchParams> {
+        /// Networks of a warp wait for the one with the most iterations. One that needs more is left to the processor.
+        const MOST_ITERATIONS: usize = 30;
+        let newton = params.newton;
+        let is_plain = newton.step_tolerance.is_none() && newton.energy_tolerance.is_none();
+        let is_possible = params.stages.has(Stage::Newton) && is_plain && (1..=8).contains(&newton.nonmonotone_memory);
+        is_possible.then_some(BatchParams {
+            tolerance: newton.tolerance,
+            floor: self.floor,
+            max_iterations: newton.max_iterations.min(MOST_ITERATIONS) as u32,
+            max_backtracks: newton.max_backtracks,
+            sufficient_decrease: newton.sufficient_decrease,
+            memory: newton.nonmonotone_memory as u32,
+            excessive_force: ExcessiveForce::THRESHOLD,
+            wants_tangent: true,
+        })
+    }
+
+    /// Brings RVEs to equilibrium at these deformation gradients. An RVE for which the result is `None` is unchanged: it
+    /// needs more than Newton's method, or its state does not belong to the model.
+    ///
+    /// # Errors
+    /// Returns the error of the device; the RVEs are then unchanged.
+    ///
+    /// # Panics
+    /// Panics if there is not one target for each RVE.
+    pub fn solve(
+        &mut self,
+        rves: &mut [&mut Rve],
+        targets: &[Matrix3<f64>],
+        params: &EquilibriumParams,
+    ) -> Result<Vec<Option<BatchEquilibrium>>, CudaError> {
+        assert_eq!(rves.len(), targets.len(), "one target for each RVE");
+        let Some(params) = self.params(params) else { return Ok(vec![None; rves.len()]) };
+        let mut solved = Vec::with_capacity(rves.len());
+        let at_once = self.batch.fitting(rves.len())?.max(1);
+        for (rves, targets) in rves.chunks_mut(at_once).zip(targets.chunks(at_once)) {
+            self.batch.set_states(&self.states_of(rves))?;
+            let results = self.batch.solve(&rows_of(targets), &params)?;
+            let states = self.batch.states()?;
+            let inputs = rves.par_iter_mut().zip(targets).enumerate();
+            let responses = inputs.map(|(number, (rve, target))| {
+                let is_of_model = rve.interior().len() == self.interior && target.determinant() > 0.0;
+                let solved = self.response(&results.get(number), target).filter(|_| is_of_model)?;
+                self.write_state(rve, target, &states, number);
+                Some(solved)
+            });
+            solved.par_extend(responses);
+        }
+        Ok(solved)
+    }
+
+    /// Returns for each RVE whether Newton evidently leads from the state in `from`, moved affinely, to the equilibrium in
+    /// `reached`; see [`converges_to`](crate::fiber::equilibrium::converges_to).
+    ///
+    /// # Errors
+    /// Returns the error of the device.
+    ///
+    /// # Panics
+    /// Panics if there is not one state for each other.
+    pub fn converge_to(
+        &mut self,
+        from: &[&Rve],
+        reached: &[&Rve],
+        params: &EquilibriumParams,
+    ) -> Result<Vec<bool>, CudaError> {
+        assert_eq!(from.len(), reached.len(), "one equilibrium for each start");
+        let Some(params) = self.params(params) else { return Ok(vec![false; from.len()]) };
+        let mut continue_ = Vec::with_capacity(from.len());
+        let at_once = self.batch.fitting(from.len())?.max(1);
+        for (from, reached) in from.chunks(at_once).zip(reached.chunks(at_once)) {
+            self.batch.set_states(&self.states_of(from))?;
+            let targets: Vec<Matrix3<f64>> = reached.iter().map(|rve| *rve.gradient()).collect();
+            let results = self.batch.continues(&rows_of(&targets), &self.states_of(reached).positions, &params)?;
+            continue_.extend(results.iter().map(|result| result.status() == Status::Continues));
+        }
+        Ok(continue_)
+    }
+
+    /// Collects states; one of another network becomes zeros.
+    fn states_of(&self, rves: &[impl std::ops::Deref<Target = Rve> + Sync]) -> NetworkStates {
+        let (interior, count) = (self.interior, rves.len());
+        let mut positions = vec![0.0; 3 * interior * count];
+        if interior > 0 {
+            let places = positions.par_chunks_mut(3 * interior).zip(rves);
+            places.filter(|(_, rve)| rve.interior().len() == interior).for_each(|(place, rve)| {
+                place.copy_from_slice(rve.interior().as_flattened());
+            });
+        }
+        let (mut sensitivities, mut predicts) = (Vec::new(), Vec::new());
+        if self.predicts {
+            let of_network = size_of::<Sensitivities>() / size_of::<f32>() * interior;
+            sensitivities = vec![0.0; of_network * count];
+            let known = |rve: &Rve| rve.sensitivities().is_some_and(|known| known.len() == interior);
+            predicts = rves.iter().map(|rve| f64::from(u8::from(known(rve)))).collect();
+            if interior > 0 {
+                sensitivities.par_chunks_mut(of_network).zip(rves).for_each(|(place, rve)| {
+                    if let Some(known) = rve.sensitivities().filter(|known| known.len() == interior) {
+                        place.copy_from_slice(known.as_flattened());
+                    }
+                });
+            }
+        }
+        let gradients = rves.iter().map(|rve| rows(rve.gradient())).collect();
+        NetworkStates { gradients, positions, sensitivities, predicts }
+    }
+
+    fn response(&self, result: &NetworkResult<'_>, target: &Matrix3<f64>) -> Option<BatchEquilibrium> {
+        if result.status() != Status::Converged {
+            return None;
+        }
+        let pk1 = Matrix3::from_row_slice(&result.stress()) * self.scale;
+        Some(BatchEquilibrium {
+            tangent: tangent_from_form(&result.form(), self.scale, target, &pk1)?,
+            pk1,
+            energy: self.scale * result.energy(),
+            iterations: result.iterations(),
+            backtracks: result.backtracks(),
+        })
+    }
+
+    fn write_state(&self, rve: &mut Rve, target: &Matrix3<f64>, states: &NetworkStates, number: usize) {
+        let interior = self.interior;
+        let positions = &states.positions[3 * interior * number..][..3 * interior];
+        let sensitivities = self.predicts.then(|| {
+            let len = size_of::<Sensitivities>() / size_of::<f32>();
+            let (of_nodes, _) = states.sensitivities[len * interior * number..][..len * interior].as_chunks();
+            of_nodes
+        });
+        rve.replace(target, positions.as_chunks().0, sensitivities);
+    }
+}
+
+fn rows(gradient: &Matrix3<f64>) -> [f64; 9] {
+    std::array::from_fn(|k| gradient[(k / 3, k % 3)])
+}
+
+fn rows_of(gradients: &[Matrix3<f64>]) -> Vec<[f64; 9]> {
+    gradients.iter().map(rows).collect()
+}

@@ -1,0 +1,169 @@
+//! The kernels, executed on the processor, against the equilibria of single RVEs.
+
+use std::sync::Arc;
+
+use nalgebra::Matrix3;
+
+use super::*;
+use crate::backends::sparse::Sparse;
+use crate::fiber::equilibrium::{converges_to, equilibrate};
+use crate::fiber::law::FiberMaterial;
+use crate::fiber::network::generate::{delaunay, voronoi};
+use crate::fiber::rve::StressScale;
+use crate::fiber::workspace::Workspace;
+use crate::las::conformance::Random;
+
+type Model = RveModel<Sparse>;
+
+fn laws() -> [Law; 4] {
+    let (youngs_modulus, nonlinearity) = (1.0e7, 1.2);
+    let exponential = Law::Exponential { youngs_modulus, nonlinearity };
+    [
+        Law::Linear { youngs_modulus },
+        exponential.clone(),
+        Law::ExponentialStretch { youngs_modulus, nonlinearity, transition: 1.05 },
+        exponential.with_buckling(0.1, 0.02),
+    ]
+}
+
+fn model(law: Law, points: usize) -> Model {
+    let network = Arc::new(delaunay(points, 7).unwrap());
+    let material = FiberMaterial { law, radius: 3.5e-8, density: None };
+    RveModel::new(&(), network, Some(material), StressScale::FiberVolumeFraction(0.01)).unwrap()
+}
+
+/// Returns the batch whose kernels run on the processor, or prints why there is none.
+fn emulated(model: &Model, predicts: bool) -> Option<RveBatch> {
+    let batch = RveBatch::emulated(model, predicts);
+    if batch.is_none() {
+        println!("skipped: there is no C++ compiler");
+    }
+    batch
+}
+
+/// Deformation gradients within `size` of the identity.
+fn gradients(count: usize, size: f64, random: &mut Random) -> Vec<Matrix3<f64>> {
+    (0..count).map(|_| Matrix3::identity() + Matrix3::from_fn(|_, _| size * random.signed())).collect()
+}
+
+fn near(found: &[f64], expected: &[f64], tolerance: f64) {
+    let size = expected.iter().fold(0.0, |size: f64, x| size.max(x.abs()));
+    for (found, expected) in found.iter().zip(expected) {
+        assert!((found - expected).abs() <= tolerance * size, "{found:e} instead of {expected:e}, of {size:e}");
+    }
+}
+
+/// Solves for the same increments by the batch and one by one, and compares; returns how many the batch left.
+fn compare(model: &Model, predicts: bool, increments: &[Vec<Matrix3<f64>>]) -> usize {
+    let Some(mut batch) = emulated(model, predicts) else { return 0 };
+    let params = EquilibriumParams::default();
+    let count = increments[0].len();
+    let mut workspace = Workspace::new(&(), model).unwrap();
+    let mut of_batch = vec![Rve::at_rest(model.network()); count];
+    let mut alone = of_batch.clone();
+    let mut left = 0;
+    for targets in increments {
+        let mut all: Vec<&mut Rve> = of_batch.iter_mut().collect();
+        let solved = batch.solve(&mut all, targets, &params).unwrap();
+        for (number, (rve, found)) in alone.iter_mut().zip(&solved).enumerate() {
+            let before = rve.clone();
+            let expected = equilibrate(model, rve, &targets[number], &params, &mut workspace);
+            let Some(found) = found else {
+                let by_newton_alone = expected.as_ref().is_ok_and(|found| {
+                    let report = found.report();
+                    let is_definite = report.indefinite == 0 && !report.neutral;
+                    report.stage == Some(Stage::Newton) && is_definite && report.iterations <= 30
+                });
+                let needs_more = !by_newton_alone;
+                assert!(needs_more, "network {number} was left at {}", targets[number]);
+                left += 1;
+                drop(expected);
+                assert_eq!(of_batch[number], before, "the state of a network that was left is unchanged");
+                of_batch[number] = rve.clone();
+                continue;
+            };
+            let mut expected = expected.unwrap();
+            assert_eq!(found.iterations, expected.report().iterations);
+            assert_eq!(found.backtracks, expected.report().backtracks);
+            near(found.pk1.as_slice(), expected.pk1().as_slice(), 1e-9);
+            near(&[found.energy], &[expected.energy()], 1e-9);
+            near(found.tangent.as_slice(), expected.tangent().unwrap().as_slice(), 1e-9);
+            if predicts {
+                expected.keep_sensitivities().unwrap();
+            }
+            drop(expected);
+            let found = &of_batch[number];
+            assert_eq!(found.gradient(), rve.gradient());
+            near(found.interior().as_flattened(), rve.interior().as_flattened(), 1e-9);
+            assert_eq!(found.sensitivities().is_some(), predicts);
+            if let (Some(found), Some(expected)) = (found.sensitivities(), rve.sensitivities()) {
+                let double = |of: &[Sensitivities]| of.as_flattened().iter().map(|&x| f64::from(x)).collect::<Vec<_>>();
+                near(&double(found), &double(expected), 1e-5);
+            }
+            // Both continue from the same state.
+            of_batch[number] = rve.clone();
+        }
+    }
+    left
+}
+
+#[test]
+fn batches_give_the_results_of_single_rves_with_every_law() {
+    for law in laws() {
+        for predicts in [false, true] {
+            let mut random = Random::new(3);
+            let increments = [gradients(40, 0.05, &mut random), gradients(40, 0.06, &mut random)];
+            let left = compare(&model(law.clone(), 40), predicts, &increments);
+            assert!(left < 20, "{left} of 80 were left with {law:?}");
+        }
+    }
+}
+
+#[test]
+fn a_batch_leaves_what_needs_more_than_newton() {
+    let law = Law::Exponential { youngs_modulus: 1.0e7, nonlinearity: 1.2 };
+    let crushed = Matrix3::from_diagonal_element(0.4);
+    let left = compare(&model(law.clone(), 30), true, &[vec![crushed; 3]]);
+    assert!(left == 3 || emulated(&model(law, 30), true).is_none());
+}
+
+#[test]
+fn a_test_of_continuation_is_that_of_single_rves() {
+    let model = model(Law::Exponential { youngs_modulus: 1.0e7, nonlinearity: 1.2 }, 40);
+    let Some(mut batch) = emulated(&model, true) else { return };
+    let params = EquilibriumParams::default();
+    let mut workspace = Workspace::new(&(), &model).unwrap();
+    let (mut random, mut count) = (Random::new(5), 0);
+    let mut reached = Vec::new();
+    for (number, target) in gradients(40, 0.12, &mut random).iter().enumerate() {
+        let mut rve = Rve::at_rest(model.network());
+        equilibrate(&model, &mut rve, target, &params, &mut workspace).unwrap();
+        if number % 4 == 0 {
+            // Not an equilibrium to which Newton leads.
+            let mut interior = rve.interior().to_vec();
+            interior[0][1] += 0.05;
+            rve = Rve::restored(*target, interior, None);
+        }
+        reached.push(rve);
+    }
+    let rest = Rve::at_rest(model.network());
+    let found = batch.converge_to(&vec![&rest; 40], &reached.iter().collect::<Vec<_>>(), &params).unwrap();
+    for (rve, found) in reached.iter().zip(found) {
+        assert_eq!(found, converges_to(&model, &rest, rve, &params.newton, &mut workspace));
+        count += usize::from(found);
+    }
+    assert!((20..=30).contains(&count), "{count}");
+}
+
+#[test]
+fn networks_of_any_shape_fit_a_batch() {
+    // Floppy networks at rest have no positive definite stiffness; networks of a few nodes have hardly any interior.
+    let material = |law| FiberMaterial { law, radius: 3.5e-8, density: None };
+    let law = Law::Linear { youngs_modulus: 1.0e7 };
+    for network in [voronoi(12, 1).unwrap(), delaunay(5, 2).unwrap()] {
+        let scale = StressScale::Raw;
+        let model = RveModel::new(&(), Arc::new(network), Some(material(law.clone())), scale).unwrap();
+        let mut random = Random::new(8);
+        compare(&model, false, &[gradients(10, 0.3, &mut random)]);
+    }
+}
