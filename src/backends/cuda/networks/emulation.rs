@@ -2,8 +2,9 @@
 
 use std::process::Command;
 
-use super::layout::{KERNELS, SOURCE, Uniform, definitions};
+use super::layout::{KERNELS, Uniform, source};
 use super::queue::Kernel;
+use super::schedule::TileShape;
 
 /// The library of the kernels.
 pub(super) struct Emulation {
@@ -12,13 +13,13 @@ pub(super) struct Emulation {
 
 impl Emulation {
     /// Compiles the kernels by the C++ compiler of the machine; `None` if there is none.
-    pub(super) fn new() -> Option<Self> {
+    pub(super) fn new(shape: TileShape) -> Option<Self> {
         let folder = tempfile::tempdir().unwrap();
-        let (source, library) = (folder.path().join("kernel.cpp"), folder.path().join("kernel.so"));
-        std::fs::write(&source, definitions() + SOURCE).unwrap();
+        let (path, library) = (folder.path().join("kernel.cpp"), folder.path().join("kernel.so"));
+        std::fs::write(&path, source(shape)).unwrap();
         let options = ["-std=c++17", "-O1", "-DEMULATE", "-shared", "-fPIC", "-Wno-unknown-pragmas", "-o"];
         let compiler = std::env::var("CXX").unwrap_or_else(|_| "c++".into());
-        let output = Command::new(compiler).args(options).args([&library, &source]).output().ok()?;
+        let output = Command::new(compiler).args(options).args([&library, &path]).output().ok()?;
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
         // SAFETY: the library has no initialization.
         Some(Self { library: unsafe { libloading::Library::new(&library) }.unwrap() })

@@ -20,20 +20,27 @@
     }                                                                                                                  \
     static void name##_thread(const Uniform &u, u64 thread)
 #define THREAD thread
+DEVICE double add(double a, double b) { return a + b; }
+DEVICE double multiply(double a, double b) { return a * b; }
 using std::expm1, std::fabs, std::floor, std::fmax, std::fmin, std::isfinite, std::sqrt;
 #else
 #define KERNEL(name) extern "C" __global__ void __launch_bounds__(BLOCK_THREADS) name(const Uniform u)
 #define DEVICE __device__ __forceinline__
 #define RESTRICT __restrict__
 #define THREAD ((u64)blockIdx.x * blockDim.x + threadIdx.x)
+DEVICE double add(double a, double b) { return __dadd_rn(a, b); }
+DEVICE double multiply(double a, double b) { return __dmul_rn(a, b); }
 #endif
 
 // Lanes of a tile.
 #define LANES 32
-// Rows of a column of the factor whose sums are in registers at the same time; the schedule is made for this number.
+// The factor is computed in tiles of COLUMNS block columns, ROWS block rows at a time, whose sums are in registers; the
+// schedule is made for these numbers.
 #ifndef ROWS
-#define ROWS 4
+#define COLUMNS 2
+#define ROWS 3
 #endif
+#define INNER (COLUMNS * (COLUMNS - 1) / 2)
 // The index that denotes no block, no edge.
 #define NONE 0xffffffffu
 // Residual norms that the line search compares with, at most.
@@ -53,15 +60,11 @@ struct Uniform {
     const double *laws;           // LAW_LEN numbers a law
     const double *boundary;       // three reference coordinates a boundary node
     const u32 *incident_start;    // by node, one entry more than there are nodes
-    const u32 *incident;          // twice the fiber, plus one for its second end
-    const u32 *edge_start;        // by pair of coupled interior nodes
-    const u32 *edge_fibers;
-    // The schedule.
-    const u32 *factor;            // the operations of a factorization
-    const u32 *row_start;         // by node: the blocks of its row of the factor, left of the diagonal
-    const u32 *row_blocks;        // a block and its column
-    const u32 *column_start;      // by node: the blocks of its column, below the diagonal
-    const u32 *column_rows;       // the row of each block
+    const u32 *incident;          // INCIDENT_LEN numbers for each end of a fiber at a node
+    // The schedule; `schedule.rs` describes the three lists.
+    const u32 *factor;
+    const u32 *forward;
+    const u32 *backward;
     const u32 *order;             // by place in the elimination order: the interior node in the caller's numbering
     // The networks in the caller's numbering, one after the other.
     double *caller_gradients;     // 9
@@ -81,18 +84,23 @@ struct Uniform {
     // Scratch memory, by tiles of threads.
     double *trial;                // 3 interior: positions
     double *direction;            // 3 interior: residual, then direction
-    double *fiber_blocks;         // 6 a fiber: its stiffness
-    double *fiber_pulls;          // 3 a fiber: its force on its second end
+    double *stiffness;            // 6 interior: diagonal blocks of the stiffness
+    double *edges;                // 6 for each pair of coupled interior nodes: the negative of its block
     double *diagonal;             // 6 interior: inverses of the diagonal blocks of the factor
-    double *lower;                // 9 a block: the factor below the diagonal
+    double *lower;                // 9 a block: the factor below the diagonal, and a last block of zeros
     double *modes;                // 18 interior
     // Counts and parameters.
     u64 networks;
     u64 first;                    // the first network of this launch
-    u32 interior, nodes, fibers, blocks;
+    u32 interior, nodes, fibers, blocks, pairs, tiles;
     u32 max_iterations, max_backtracks, memory, wants_tangent;
     double tolerance, floor, sufficient_decrease, excessive_force;
 };
+
+// An end of a fiber at a node: the fiber, the node at its other end, the pair of interior nodes to which the block of the
+// fiber is added (NONE if that is done at the other end, or the other node is on the boundary), and whether the fiber is
+// the first of this pair.
+#define INCIDENT_LEN 4
 
 // Numbers of a law: kind, modulus, nonlinearity, transition; then whether it buckles, residual stiffness, strain, modulus.
 #define LAW_LEN 8
@@ -274,7 +282,7 @@ DEVICE double energy_of(const double *law, double stretch) {
 
 // The arrays of one lane, and its target.
 struct Lane {
-    double *trial, *direction, *fiber_blocks, *fiber_pulls, *diagonal, *lower, *modes;
+    double *trial, *direction, *stiffness, *edges, *diagonal, *lower, *modes;
     Matrix3 target;
 };
 
@@ -299,48 +307,85 @@ DEVICE void position_of(const Uniform &u, const Lane &lane, u32 node, double *x)
         multiply(lane.target.a, u.boundary + 3 * (node - u.interior), x);
 }
 
+// A fiber as seen from a node.
+struct Fiber {
+    double n[3];  // direction to the other node
+    double force, geometric, material;
+    double ratio; // nominal stress over modulus, by absolute value
+};
+
+DEVICE double length_of(const double *d) {
+    // Not fused, like the reference lengths of the host, so that the stretch at rest is exactly 1.
+    return sqrt(add(add(multiply(d[0], d[0]), multiply(d[1], d[1])), multiply(d[2], d[2])));
+}
+
+DEVICE Fiber fiber_of(const Uniform &u, u32 number, const double *near, const double *far) {
+    const double *sizes = u.fiber_sizes + 4 * number;
+    const double *law = u.laws + LAW_LEN * u.fiber_laws[number];
+    double d[3] = {far[0] - near[0], far[1] - near[1], far[2] - near[2]};
+    double length = length_of(d), inverse_length = 1.0 / length, stress, slope;
+    stress_of(law, length / sizes[0], stress, slope);
+    Fiber fiber;
+    fiber.force = stress * sizes[1];
+    fiber.geometric = fiber.force * inverse_length;
+    fiber.material = slope * sizes[2] - fiber.geometric;
+    fiber.ratio = fabs(stress / law[7]);
+#pragma unroll
+    for (int i = 0; i < 3; i++) fiber.n[i] = d[i] * inverse_length;
+    return fiber;
+}
+
+// The stiffness of a fiber: xx, yx, yy, zx, zy, zz.
+DEVICE void block_of(const Fiber &fiber, double *block) {
+    const double *n = fiber.n;
+    double x = fiber.material * n[0], y = fiber.material * n[1], z = fiber.material * n[2];
+    block[0] = x * n[0] + fiber.geometric;
+    block[1] = x * n[1];
+    block[2] = y * n[1] + fiber.geometric;
+    block[3] = x * n[2];
+    block[4] = y * n[2];
+    block[5] = z * n[2] + fiber.geometric;
+}
+
 struct Forces {
     double residual, scale, largest;
 };
 
-// Computes forces and stiffness of all fibers, and the residual into `direction`.
+// Computes the forces of all nodes and the stiffness; the residual is in `direction`.
 DEVICE Forces evaluate(const Uniform &u, const Lane &lane) {
     Forces forces = {0.0, 0.0, 0.0};
-    for (u32 fiber = 0; fiber < u.fibers; fiber++) {
-        double a[3], b[3];
-        position_of(u, lane, u.fiber_ends[2 * fiber], a);
-        position_of(u, lane, u.fiber_ends[2 * fiber + 1], b);
-        const double *sizes = u.fiber_sizes + 4 * fiber;
-        const double *law = u.laws + LAW_LEN * u.fiber_laws[fiber];
-        double n[3] = {b[0] - a[0], b[1] - a[1], b[2] - a[2]};
-        double length = sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
-        double stretch = length / sizes[0], inverse_length = 1.0 / length, stress, slope;
-        stress_of(law, stretch, stress, slope);
-        double force = stress * sizes[1], geometric = force * inverse_length;
-        double material = slope * sizes[2] - geometric;
-        double ratio = fabs(stress / law[7]);
-        // A NaN counts as the largest.
-        if (!(ratio <= forces.largest)) forces.largest = ratio;
-        n[0] *= inverse_length, n[1] *= inverse_length, n[2] *= inverse_length;
-        double pull[3] = {force * n[0], force * n[1], force * n[2]};
-        double block[6] = {material * n[0] * n[0] + geometric, material * n[0] * n[1], material * n[1] * n[1] + geometric,
-                           material * n[0] * n[2], material * n[1] * n[2], material * n[2] * n[2] + geometric};
-        store<6>(block, lane.fiber_blocks, 6 * fiber);
-        store<3>(pull, lane.fiber_pulls, 3 * fiber);
-    }
     for (u32 node = 0; node < u.nodes; node++) {
-        double sum[3] = {0.0, 0.0, 0.0};
+        double x[3], sum[3] = {0.0, 0.0, 0.0}, stiffness[6] = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0};
+        position_of(u, lane, node, x);
         for (u32 k = u.incident_start[node]; k < u.incident_start[node + 1]; k++) {
-            u32 incident = u.incident[k];
-            double pull[3], sign = incident & 1 ? 1.0 : -1.0;
-            load<3>(lane.fiber_pulls, 3 * (incident >> 1), pull);
-            sum[0] += sign * pull[0], sum[1] += sign * pull[1], sum[2] += sign * pull[2];
+            const u32 *incident = u.incident + INCIDENT_LEN * k;
+            double far[3], block[6];
+            position_of(u, lane, incident[1], far);
+            Fiber fiber = fiber_of(u, incident[0], x, far);
+            // A NaN counts as the largest.
+            if (!(fiber.ratio <= forces.largest)) forces.largest = fiber.ratio;
+#pragma unroll
+            for (int i = 0; i < 3; i++) sum[i] -= fiber.force * fiber.n[i];
+            if (node >= u.interior) continue;
+            block_of(fiber, block);
+#pragma unroll
+            for (int i = 0; i < 6; i++) stiffness[i] += block[i];
+            u32 edge = incident[2];
+            if (edge == NONE) continue;
+            if (!incident[3]) {
+                double before[6];
+                load<6>(lane.edges, 6 * edge, before);
+#pragma unroll
+                for (int i = 0; i < 6; i++) block[i] += before[i];
+            }
+            store<6>(block, lane.edges, 6 * edge);
         }
         double square = sum[0] * sum[0] + sum[1] * sum[1] + sum[2] * sum[2];
         forces.scale += square;
         if (node < u.interior) {
             forces.residual += square;
             store<3>(sum, lane.direction, 3 * node);
+            store<6>(stiffness, lane.stiffness, 6 * node);
         }
     }
     forces.residual = sqrt(forces.residual);
@@ -360,155 +405,274 @@ DEVICE double pivot_root(Pivots &pivots, double pivot) {
     return 1.0 / sqrt(pivot);
 }
 
+// Replaces a diagonal block by the inverse of its Cholesky factor: xx, yx, yy, zx, zy, zz.
+DEVICE void invert(Pivots &pivots, double *d) {
+    double i00 = pivot_root(pivots, d[0]);
+    double l10 = d[1] * i00, l20 = d[3] * i00;
+    double i11 = pivot_root(pivots, d[2] - l10 * l10);
+    double l21 = (d[4] - l20 * l10) * i11;
+    double i22 = pivot_root(pivots, d[5] - l20 * l20 - l21 * l21);
+    double i10 = -l10 * i00 * i11, i21 = -l21 * i11 * i22;
+    d[3] = -(l20 * i00 + l21 * i10) * i22;
+    d[0] = i00, d[1] = i10, d[2] = i11, d[4] = i21, d[5] = i22;
+}
+
+// sum -= a b^T
+DEVICE void subtract_product(double *sum, const double *a, const double *b) {
+#pragma unroll
+    for (int p = 0; p < 3; p++)
+#pragma unroll
+        for (int q = 0; q < 3; q++)
+            sum[3 * p + q] -= a[3 * p] * b[3 * q] + a[3 * p + 1] * b[3 * q + 1] + a[3 * p + 2] * b[3 * q + 2];
+}
+
+// The lower triangle of sum -= b b^T: xx, yx, yy, zx, zy, zz.
+DEVICE void subtract_square(double *sum, const double *b) {
+#pragma unroll
+    for (int s = 0; s < 3; s++) {
+        sum[0] -= b[s] * b[s];
+        sum[1] -= b[3 + s] * b[s];
+        sum[2] -= b[3 + s] * b[3 + s];
+        sum[3] -= b[6 + s] * b[s];
+        sum[4] -= b[6 + s] * b[3 + s];
+        sum[5] -= b[6 + s] * b[6 + s];
+    }
+}
+
+// y -= b x
+DEVICE void subtract_image(double *y, const double *b, const double *x) {
+#pragma unroll
+    for (int p = 0; p < 3; p++) y[p] -= b[3 * p] * x[0] + b[3 * p + 1] * x[1] + b[3 * p + 2] * x[2];
+}
+
+// y -= b^T x
+DEVICE void subtract_transposed_image(double *y, const double *b, const double *x) {
+#pragma unroll
+    for (int q = 0; q < 3; q++) y[q] -= b[q] * x[0] + b[3 + q] * x[1] + b[6 + q] * x[2];
+}
+
+// Multiplies the rows of a block by the transpose of an inverse.
+DEVICE void scale_rows(double *block, const double *i) {
+#pragma unroll
+    for (int p = 0; p < 3; p++) {
+        double x = block[3 * p], y = block[3 * p + 1], z = block[3 * p + 2];
+        block[3 * p] = x * i[0];
+        block[3 * p + 1] = x * i[1] + y * i[2];
+        block[3 * p + 2] = x * i[3] + y * i[4] + z * i[5];
+    }
+}
+
+DEVICE void multiply_inverse(const double *i, double *s) {
+    s[2] = i[3] * s[0] + i[4] * s[1] + i[5] * s[2];
+    s[1] = i[1] * s[0] + i[2] * s[1];
+    s[0] = i[0] * s[0];
+}
+
+DEVICE void multiply_transposed_inverse(const double *i, double *s) {
+    s[0] = i[0] * s[0] + i[1] * s[1] + i[3] * s[2];
+    s[1] = i[2] * s[1] + i[4] * s[2];
+    s[2] = i[5] * s[2];
+}
+
+// The place of the block of row p and column q of a tile, p > q.
+DEVICE constexpr int inner(int p, int q) { return p * (p - 1) / 2 + q; }
+
+// Starts a block from the stiffness.
+DEVICE void start_block(const Lane &lane, u32 edge, double *sum) {
+#pragma unroll
+    for (int i = 0; i < 9; i++) sum[i] = 0.0;
+    if (edge == NONE) return;
+    double k[6];
+    load<6>(lane.edges, 6 * edge, k);
+    sum[0] = -k[0], sum[1] = -k[1], sum[2] = -k[3];
+    sum[3] = -k[1], sum[4] = -k[2], sum[5] = -k[4];
+    sum[6] = -k[3], sum[7] = -k[4], sum[8] = -k[5];
+}
+
 // Factors the stiffness of the last evaluation, K = L L^T, and solves L y = r for `direction` on the way. The diagonal
 // blocks of the factor are replaced by their inverses.
 DEVICE Pivots factor(const Uniform &u, const Lane &lane) {
     Pivots pivots = {1e308, 0.0, true};
     const u32 *op = u.factor;
-    for (u32 j = 0; j < u.interior; j++) {
-        // The diagonal block: xx, yx, yy, zx, zy, zz.
-        double d[6] = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0}, y[3];
-        for (u32 k = u.incident_start[j]; k < u.incident_start[j + 1]; k++) {
-            double block[6];
-            load<6>(lane.fiber_blocks, 6 * (u.incident[k] >> 1), block);
+    for (u32 tile = 0; tile < u.tiles; tile++) {
+        u32 first = op[0], count = op[1];
+        const u32 *within = op + 2;
+        op += 2 + 2 * INNER;
+        // The blocks of the tile on and below the diagonal.
+        double d[COLUMNS][6], low[INNER + 1][9], y[COLUMNS][3];
 #pragma unroll
-            for (int i = 0; i < 6; i++) d[i] += block[i];
+        for (int q = 0; q < COLUMNS; q++) {
+            // Columns that the tile does not have are a copy of the first one, which nothing reads.
+            u32 node = (u32)q < count ? first + q : first;
+            load<6>(lane.stiffness, 6 * node, d[q]);
+            load<3>(lane.direction, 3 * node, y[q]);
+#pragma unroll
+            for (int p = q + 1; p < COLUMNS; p++) start_block(lane, within[2 * inner(p, q) + 1], low[inner(p, q)]);
         }
-        load<3>(lane.direction, 3 * j, y);
-        for (u32 k = u.row_start[j]; k < u.row_start[j + 1]; k++) {
-            double b[9], before[3];
-            load<9>(lane.lower, 9 * u.row_blocks[2 * k], b);
-            load<3>(lane.direction, 3 * u.row_blocks[2 * k + 1], before);
+        for (u32 updates = *op++; updates > 0; updates--) {
+            double before[3], b[COLUMNS][9];
+            load<3>(lane.direction, 3 * op[0], before);
 #pragma unroll
-            for (int s = 0; s < 3; s++) {
-                d[0] -= b[s] * b[s];
-                d[1] -= b[3 + s] * b[s];
-                d[2] -= b[3 + s] * b[3 + s];
-                d[3] -= b[6 + s] * b[s];
-                d[4] -= b[6 + s] * b[3 + s];
-                d[5] -= b[6 + s] * b[6 + s];
-                y[0] -= b[s] * before[s];
-                y[1] -= b[3 + s] * before[s];
-                y[2] -= b[6 + s] * before[s];
+            for (int q = 0; q < COLUMNS; q++) load<9>(lane.lower, 9 * op[1 + q], b[q]);
+#pragma unroll
+            for (int q = 0; q < COLUMNS; q++) {
+                subtract_square(d[q], b[q]);
+                subtract_image(y[q], b[q], before);
+#pragma unroll
+                for (int p = q + 1; p < COLUMNS; p++) subtract_product(low[inner(p, q)], b[p], b[q]);
+            }
+            op += 1 + COLUMNS;
+        }
+#pragma unroll
+        for (int q = 0; q < COLUMNS; q++) {
+            if ((u32)q >= count) continue;
+#pragma unroll
+            for (int s = 0; s < q; s++) {
+                subtract_square(d[q], low[inner(q, s)]);
+                subtract_image(y[q], low[inner(q, s)], y[s]);
+            }
+            invert(pivots, d[q]);
+            multiply_inverse(d[q], y[q]);
+            store<6>(d[q], lane.diagonal, 6 * (first + q));
+            store<3>(y[q], lane.direction, 3 * (first + q));
+#pragma unroll
+            for (int p = q + 1; p < COLUMNS; p++) {
+                double *block = low[inner(p, q)];
+#pragma unroll
+                for (int s = 0; s < q; s++) subtract_product(block, low[inner(p, s)], low[inner(q, s)]);
+                scale_rows(block, d[q]);
+                u32 number = within[2 * inner(p, q)];
+                if (number != NONE) store<9>(block, lane.lower, 9 * number);
             }
         }
-        double i00 = pivot_root(pivots, d[0]);
-        double l10 = d[1] * i00, l20 = d[3] * i00;
-        double i11 = pivot_root(pivots, d[2] - l10 * l10);
-        double l21 = (d[4] - l20 * l10) * i11;
-        double i22 = pivot_root(pivots, d[5] - l20 * l20 - l21 * l21);
-        double i10 = -l10 * i00 * i11, i21 = -l21 * i11 * i22;
-        double i20 = -(l20 * i00 + l21 * i10) * i22;
-        double inverted[6] = {i00, i10, i11, i20, i21, i22};
-        double solved[3] = {i00 * y[0], i10 * y[0] + i11 * y[1], i20 * y[0] + i21 * y[1] + i22 * y[2]};
-        store<6>(inverted, lane.diagonal, 6 * j);
-        store<3>(solved, lane.direction, 3 * j);
-        // The blocks below, ROWS at a time.
+        // The blocks below the tile.
         for (u32 groups = *op++; groups > 0; groups--) {
-            double sums[ROWS][9];
+            double sums[ROWS][COLUMNS][9];
             const u32 *destination = op;
 #pragma unroll
-            for (int r = 0; r < ROWS; r++) {
+            for (int r = 0; r < ROWS; r++)
 #pragma unroll
-                for (int i = 0; i < 9; i++) sums[r][i] = 0.0;
-                u32 edge = destination[2 * r + 1];
-                if (edge == NONE) continue;
-                for (u32 k = u.edge_start[edge]; k < u.edge_start[edge + 1]; k++) {
-                    double block[6];
-                    load<6>(lane.fiber_blocks, 6 * u.edge_fibers[k], block);
-                    sums[r][0] -= block[0], sums[r][1] -= block[1], sums[r][2] -= block[3];
-                    sums[r][3] -= block[1], sums[r][4] -= block[2], sums[r][5] -= block[4];
-                    sums[r][6] -= block[3], sums[r][7] -= block[4], sums[r][8] -= block[5];
-                }
-            }
-            op += 2 * ROWS;
+                for (int q = 0; q < COLUMNS; q++)
+                    start_block(lane, destination[2 * (COLUMNS * r + q) + 1], sums[r][q]);
+            op += 2 * COLUMNS * ROWS;
             for (u32 updates = *op++; updates > 0; updates--) {
-                double b[9];
-                load<9>(lane.lower, 9 * op[0], b);
+                double b[COLUMNS][9], a[ROWS][9];
+#pragma unroll
+                for (int q = 0; q < COLUMNS; q++) load<9>(lane.lower, 9 * op[q], b[q]);
+#pragma unroll
+                for (int r = 0; r < ROWS; r++) load<9>(lane.lower, 9 * op[COLUMNS + r], a[r]);
+#pragma unroll
+                for (int r = 0; r < ROWS; r++)
+#pragma unroll
+                    for (int q = 0; q < COLUMNS; q++) subtract_product(sums[r][q], a[r], b[q]);
+                op += COLUMNS + ROWS;
+            }
+            // The tile is read again, because its blocks would take the registers of the sums.
+#pragma unroll
+            for (int q = 0; q < COLUMNS; q++) {
+                if ((u32)q >= count) continue;
+                double i[6];
+                load<6>(lane.diagonal, 6 * (first + q), i);
+#pragma unroll
+                for (int s = 0; s < q; s++) {
+                    double b[9];
+                    u32 number = within[2 * inner(q, s)];
+                    load<9>(lane.lower, 9 * (number == NONE ? u.blocks : number), b);
+#pragma unroll
+                    for (int r = 0; r < ROWS; r++) subtract_product(sums[r][q], sums[r][s], b);
+                }
 #pragma unroll
                 for (int r = 0; r < ROWS; r++) {
-                    u32 number = op[1 + r];
-                    if (number == NONE) continue;
-                    double a[9];
-                    load<9>(lane.lower, 9 * number, a);
-#pragma unroll
-                    for (int p = 0; p < 3; p++)
-#pragma unroll
-                        for (int q = 0; q < 3; q++)
-                            sums[r][3 * p + q] -=
-                                a[3 * p] * b[3 * q] + a[3 * p + 1] * b[3 * q + 1] + a[3 * p + 2] * b[3 * q + 2];
+                    scale_rows(sums[r][q], i);
+                    u32 number = destination[2 * (COLUMNS * r + q)];
+                    if (number != NONE) store<9>(sums[r][q], lane.lower, 9 * number);
                 }
-                op += 1 + ROWS;
-            }
-#pragma unroll
-            for (int r = 0; r < ROWS; r++) {
-                if (destination[2 * r] == NONE) continue;
-                double block[9];
-#pragma unroll
-                for (int p = 0; p < 3; p++) {
-                    double x = sums[r][3 * p], y = sums[r][3 * p + 1], z = sums[r][3 * p + 2];
-                    block[3 * p] = x * i00;
-                    block[3 * p + 1] = x * i10 + y * i11;
-                    block[3 * p + 2] = x * i20 + y * i21 + z * i22;
-                }
-                store<9>(block, lane.lower, 9 * destination[2 * r]);
             }
         }
     }
     return pivots;
 }
 
-// Solves L^T x = y for `COUNT` right-hand sides of three numbers a node, in place.
-template <int COUNT> DEVICE void solve_backward(const Uniform &u, const Lane &lane, double *values) {
-    for (u32 j = u.interior; j-- > 0;) {
-        double sums[3 * COUNT], i[6];
-        load<3 * COUNT>(values, 3 * COUNT * j, sums);
-        for (u32 k = u.column_start[j]; k < u.column_start[j + 1]; k++) {
-            double b[9], x[3 * COUNT];
-            load<9>(lane.lower, 9 * k, b);
-            load<3 * COUNT>(values, 3 * COUNT * u.column_rows[k], x);
+// Solves L y = b for `COUNT` right-hand sides of three numbers a node, in place.
+template <int COUNT> DEVICE void solve_forward(const Uniform &u, const Lane &lane, double *values) {
+    const u32 *op = u.forward;
+    for (u32 tile = 0; tile < u.tiles; tile++) {
+        u32 first = op[0], count = op[1];
+        const u32 *within = op + 2;
+        op += 2 + INNER;
+        double sums[COLUMNS][3 * COUNT];
 #pragma unroll
-            for (int c = 0; c < COUNT; c++)
+        for (int q = 0; q < COLUMNS; q++)
+            load<3 * COUNT>(values, 3 * COUNT * ((u32)q < count ? first + q : first), sums[q]);
+        for (u32 updates = *op++; updates > 0; updates--) {
+            double y[3 * COUNT], b[COLUMNS][9];
+            load<3 * COUNT>(values, 3 * COUNT * op[0], y);
 #pragma unroll
-                for (int q = 0; q < 3; q++)
-                    sums[3 * c + q] -= b[q] * x[3 * c] + b[3 + q] * x[3 * c + 1] + b[6 + q] * x[3 * c + 2];
+            for (int q = 0; q < COLUMNS; q++) load<9>(lane.lower, 9 * op[1 + q], b[q]);
+#pragma unroll
+            for (int q = 0; q < COLUMNS; q++)
+#pragma unroll
+                for (int c = 0; c < COUNT; c++) subtract_image(sums[q] + 3 * c, b[q], y + 3 * c);
+            op += 1 + COLUMNS;
         }
-        load<6>(lane.diagonal, 6 * j, i);
 #pragma unroll
-        for (int c = 0; c < COUNT; c++) {
-            double *s = sums + 3 * c;
-            s[0] = i[0] * s[0] + i[1] * s[1] + i[3] * s[2];
-            s[1] = i[2] * s[1] + i[4] * s[2];
-            s[2] = i[5] * s[2];
+        for (int q = 0; q < COLUMNS; q++) {
+            if ((u32)q >= count) continue;
+            double i[6];
+#pragma unroll
+            for (int s = 0; s < q; s++) {
+                double b[9];
+                load<9>(lane.lower, 9 * within[inner(q, s)], b);
+#pragma unroll
+                for (int c = 0; c < COUNT; c++) subtract_image(sums[q] + 3 * c, b, sums[s] + 3 * c);
+            }
+            load<6>(lane.diagonal, 6 * (first + q), i);
+#pragma unroll
+            for (int c = 0; c < COUNT; c++) multiply_inverse(i, sums[q] + 3 * c);
+            store<3 * COUNT>(sums[q], values, 3 * COUNT * (first + q));
         }
-        store<3 * COUNT>(sums, values, 3 * COUNT * j);
     }
 }
 
-// Solves L y = b for `COUNT` right-hand sides of three numbers a node, in place.
-template <int COUNT> DEVICE void solve_forward(const Uniform &u, const Lane &lane, double *values) {
-    for (u32 j = 0; j < u.interior; j++) {
-        double sums[3 * COUNT], i[6];
-        load<3 * COUNT>(values, 3 * COUNT * j, sums);
-        for (u32 k = u.row_start[j]; k < u.row_start[j + 1]; k++) {
-            double b[9], y[3 * COUNT];
-            load<9>(lane.lower, 9 * u.row_blocks[2 * k], b);
-            load<3 * COUNT>(values, 3 * COUNT * u.row_blocks[2 * k + 1], y);
+// Solves L^T x = y for `COUNT` right-hand sides of three numbers a node, in place.
+template <int COUNT> DEVICE void solve_backward(const Uniform &u, const Lane &lane, double *values) {
+    const u32 *op = u.backward;
+    for (u32 tile = 0; tile < u.tiles; tile++) {
+        u32 first = op[0], count = op[1];
+        const u32 *within = op + 2;
+        op += 2 + INNER;
+        double sums[COLUMNS][3 * COUNT];
 #pragma unroll
-            for (int c = 0; c < COUNT; c++)
+        for (int q = 0; q < COLUMNS; q++)
+            load<3 * COUNT>(values, 3 * COUNT * ((u32)q < count ? first + q : first), sums[q]);
+        for (u32 updates = *op++; updates > 0; updates--) {
+            double x[3 * COUNT], b[COLUMNS][9];
+            load<3 * COUNT>(values, 3 * COUNT * op[0], x);
 #pragma unroll
-                for (int p = 0; p < 3; p++)
-                    sums[3 * c + p] -= b[3 * p] * y[3 * c] + b[3 * p + 1] * y[3 * c + 1] + b[3 * p + 2] * y[3 * c + 2];
+            for (int q = 0; q < COLUMNS; q++) load<9>(lane.lower, 9 * op[1 + q], b[q]);
+#pragma unroll
+            for (int q = 0; q < COLUMNS; q++)
+#pragma unroll
+                for (int c = 0; c < COUNT; c++) subtract_transposed_image(sums[q] + 3 * c, b[q], x + 3 * c);
+            op += 1 + COLUMNS;
         }
-        load<6>(lane.diagonal, 6 * j, i);
 #pragma unroll
-        for (int c = 0; c < COUNT; c++) {
-            double *s = sums + 3 * c;
-            s[2] = i[3] * s[0] + i[4] * s[1] + i[5] * s[2];
-            s[1] = i[1] * s[0] + i[2] * s[1];
-            s[0] = i[0] * s[0];
+        for (int q = COLUMNS - 1; q >= 0; q--) {
+            if ((u32)q >= count) continue;
+            double i[6];
+#pragma unroll
+            for (int p = q + 1; p < COLUMNS; p++) {
+                if ((u32)p >= count) continue;
+                double b[9];
+                load<9>(lane.lower, 9 * within[inner(p, q)], b);
+#pragma unroll
+                for (int c = 0; c < COUNT; c++) subtract_transposed_image(sums[q] + 3 * c, b, sums[p] + 3 * c);
+            }
+            load<6>(lane.diagonal, 6 * (first + q), i);
+#pragma unroll
+            for (int c = 0; c < COUNT; c++) multiply_transposed_inverse(i, sums[q] + 3 * c);
+            store<3 * COUNT>(sums[q], values, 3 * COUNT * (first + q));
         }
-        store<3 * COUNT>(sums, values, 3 * COUNT * j);
     }
 }
 
@@ -519,11 +683,6 @@ DEVICE void multiply_fiber(const double *block, const double *v, double *q) {
     q[2] = block[3] * v[0] + block[4] * v[1] + block[5] * v[2];
 }
 
-// The node at the other end of a fiber.
-DEVICE u32 other_end(const Uniform &u, u32 incident) {
-    return u.fiber_ends[2 * (incident >> 1) + (1 - (incident & 1))];
-}
-
 // Computes the sensitivities of the interior nodes to the six strains into `modes`; requires the factor of the stiffness.
 DEVICE void solve_modes(const Uniform &u, const Lane &lane) {
     for (u32 node = 0; node < u.interior; node++) {
@@ -532,9 +691,10 @@ DEVICE void solve_modes(const Uniform &u, const Lane &lane) {
 #pragma unroll
         for (int i = 0; i < 3 * MODES; i++) loads[i] = 0.0;
         for (u32 k = u.incident_start[node]; k < u.incident_start[node + 1]; k++) {
+            const u32 *incident = u.incident + INCIDENT_LEN * k;
             double far[3], block[6];
-            position_of(u, lane, other_end(u, u.incident[k]), far);
-            load<6>(lane.fiber_blocks, 6 * (u.incident[k] >> 1), block);
+            position_of(u, lane, incident[1], far);
+            block_of(fiber_of(u, incident[0], x, far), block);
             double d[3] = {x[0] - far[0], x[1] - far[1], x[2] - far[2]};
 #pragma unroll
             for (int mode = 0; mode < MODES; mode++) {
@@ -588,11 +748,11 @@ DEVICE double products(const Uniform &u, const Lane &lane, double *result) {
 #pragma unroll
         for (int i = 0; i < 3 * MODES; i++) q[i] = 0.0;
         for (u32 k = u.incident_start[node]; k < u.incident_start[node + 1]; k++) {
-            double far[3] = {0.0, 0.0, 0.0}, w[3 * MODES], block[6];
-            u32 other = other_end(u, u.incident[k]);
-            if (other >= u.interior) position_of(u, lane, other, far);
-            modes_of(u, lane, other, far, w);
-            load<6>(lane.fiber_blocks, 6 * (u.incident[k] >> 1), block);
+            const u32 *incident = u.incident + INCIDENT_LEN * k;
+            double far[3], w[3 * MODES], block[6];
+            position_of(u, lane, incident[1], far);
+            block_of(fiber_of(u, incident[0], x, far), block);
+            modes_of(u, lane, incident[1], far, w);
 #pragma unroll
             for (int mode = 0; mode < MODES; mode++) {
                 double d[3], p[3];
@@ -633,11 +793,15 @@ DEVICE void write_stress(const Uniform &u, const Lane &lane, double *result) {
 #pragma unroll
     for (int i = 0; i < 9; i++) stress[i] = 0.0;
     for (u32 node = u.interior; node < u.nodes; node++) {
-        double sum[3] = {0.0, 0.0, 0.0};
+        double x[3], sum[3] = {0.0, 0.0, 0.0};
+        position_of(u, lane, node, x);
         for (u32 k = u.incident_start[node]; k < u.incident_start[node + 1]; k++) {
-            double pull[3], sign = u.incident[k] & 1 ? 1.0 : -1.0;
-            load<3>(lane.fiber_pulls, 3 * (u.incident[k] >> 1), pull);
-            sum[0] += sign * pull[0], sum[1] += sign * pull[1], sum[2] += sign * pull[2];
+            const u32 *incident = u.incident + INCIDENT_LEN * k;
+            double far[3];
+            position_of(u, lane, incident[1], far);
+            Fiber fiber = fiber_of(u, incident[0], x, far);
+#pragma unroll
+            for (int i = 0; i < 3; i++) sum[i] -= fiber.force * fiber.n[i];
         }
         const double *rest = u.boundary + 3 * (node - u.interior);
 #pragma unroll
@@ -656,8 +820,8 @@ DEVICE double energy(const Uniform &u, const Lane &lane) {
         double a[3], b[3];
         position_of(u, lane, u.fiber_ends[2 * fiber], a);
         position_of(u, lane, u.fiber_ends[2 * fiber + 1], b);
-        double n[3] = {b[0] - a[0], b[1] - a[1], b[2] - a[2]};
-        double stretch = sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]) / u.fiber_sizes[4 * fiber];
+        double d[3] = {b[0] - a[0], b[1] - a[1], b[2] - a[2]};
+        double stretch = length_of(d) / u.fiber_sizes[4 * fiber];
         sum += u.fiber_sizes[4 * fiber + 3] * energy_of(u.laws + LAW_LEN * u.fiber_laws[fiber], stretch);
     }
     return sum;
@@ -849,10 +1013,10 @@ DEVICE Lane lane_of(const Uniform &u, u64 thread) {
     Lane lane;
     lane.trial = u.trial + tile * 3 * u.interior * LANES + place;
     lane.direction = u.direction + tile * 3 * u.interior * LANES + place;
-    lane.fiber_blocks = u.fiber_blocks + tile * 6 * u.fibers * LANES + place;
-    lane.fiber_pulls = u.fiber_pulls + tile * 3 * u.fibers * LANES + place;
+    lane.stiffness = u.stiffness + tile * 6 * u.interior * LANES + place;
+    lane.edges = u.edges + tile * 6 * u.pairs * LANES + place;
     lane.diagonal = u.diagonal + tile * 6 * u.interior * LANES + place;
-    lane.lower = u.lower + tile * 9 * u.blocks * LANES + place;
+    lane.lower = u.lower + tile * 9 * (u.blocks + 1) * LANES + place;
     lane.modes = u.modes + tile * 18 * u.interior * LANES + place;
     return lane;
 }

@@ -1,5 +1,7 @@
 //! The data that the host and the kernels share.
 
+use super::schedule::TileShape;
+
 /// What is the same for all networks of a batch: the structure `Uniform` of `kernel.cu`, whose comments say what the
 /// addresses refer to. Addresses are those of the device, or of the host where the kernels are emulated.
 #[derive(Clone, Copy, Debug, Default)]
@@ -12,13 +14,9 @@ pub(super) struct Uniform {
     pub boundary: u64,
     pub incident_start: u64,
     pub incident: u64,
-    pub edge_start: u64,
-    pub edge_fibers: u64,
     pub factor: u64,
-    pub row_start: u64,
-    pub row_blocks: u64,
-    pub column_start: u64,
-    pub column_rows: u64,
+    pub forward: u64,
+    pub backward: u64,
     pub order: u64,
     pub caller_gradients: u64,
     pub caller_positions: u64,
@@ -35,8 +33,8 @@ pub(super) struct Uniform {
     pub results: u64,
     pub trial: u64,
     pub direction: u64,
-    pub fiber_blocks: u64,
-    pub fiber_pulls: u64,
+    pub stiffness: u64,
+    pub edges: u64,
     pub diagonal: u64,
     pub lower: u64,
     pub modes: u64,
@@ -46,6 +44,8 @@ pub(super) struct Uniform {
     pub nodes: u32,
     pub fibers: u32,
     pub blocks: u32,
+    pub pairs: u32,
+    pub tiles: u32,
     pub max_iterations: u32,
     pub max_backtracks: u32,
     pub memory: u32,
@@ -85,13 +85,14 @@ pub(super) const STRESS: usize = 8;
 pub(super) const FORM: usize = 17;
 
 /// The source of the kernels.
-pub(super) const SOURCE: &str = include_str!("kernel.cu");
+const SOURCE: &str = include_str!("kernel.cu");
 
 /// The names of the kernels.
 pub(super) const KERNELS: [&str; 6] =
     ["equilibrate", "condense", "take_targets", "take_states", "give_states", "give_results"];
 
-/// The definitions that precede the source.
-pub(super) fn definitions() -> String {
-    format!("#define BLOCK_THREADS {BLOCK_THREADS}\n#define ROWS {}\n", super::schedule::ROWS)
+/// The kernels with the definitions that precede them.
+pub(super) fn source(shape: TileShape) -> String {
+    let TileShape { columns, rows } = shape;
+    format!("#define BLOCK_THREADS {BLOCK_THREADS}\n#define COLUMNS {columns}\n#define ROWS {rows}\n{SOURCE}")
 }

@@ -27,7 +27,7 @@ use crate::las::{Backend, SolverParams, Sparsity, Symmetry};
 use layout::{BLOCK_THREADS, LANES, LAW_LEN, MODES, RESULT_LEN, Uniform};
 use queue::{Kernel, Memory, Queue};
 pub use result::{NetworkResult, NetworkResults, Status};
-use schedule::Schedule;
+use schedule::{NONE, Schedule, TileShape};
 
 /// The law of a fiber: the nominal stress as a function of the stretch, see `fiber::law`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -161,18 +161,20 @@ impl NetworkBatch {
     /// # Panics
     /// Panics if the lists of the network have different lengths, or if a fiber has a node or a law that does not exist.
     pub fn new(device: &Device, network: &NetworkData, keeps_sensitivities: bool) -> Result<Self, CudaError> {
-        Self::on(Queue::on(device)?, network, keeps_sensitivities)
+        let shape = tile_shape();
+        Self::on(Queue::on(device, shape)?, shape, network, keeps_sensitivities)
     }
 
     /// Makes an empty batch whose kernels run on the processor; `None` without a C++ compiler.
     #[cfg(test)]
     pub(crate) fn emulated(network: &NetworkData, keeps_sensitivities: bool) -> Option<Self> {
-        let queue = Queue::Emulated(Arc::new(emulation::Emulation::new()?));
-        Some(Self::on(queue, network, keeps_sensitivities).unwrap())
+        let shape = tile_shape();
+        let queue = Queue::Emulated(Arc::new(emulation::Emulation::new(shape)?));
+        Some(Self::on(queue, shape, network, keeps_sensitivities).unwrap())
     }
 
-    fn on(queue: Queue, network: &NetworkData, keeps_sensitivities: bool) -> Result<Self, CudaError> {
-        let plan = Plan::new(network);
+    fn on(queue: Queue, shape: TileShape, network: &NetworkData, keeps_sensitivities: bool) -> Result<Self, CudaError> {
+        let plan = Plan::new(network, shape);
         let mut indices = Vec::new();
         let mut numbers = Vec::new();
         let mut index = |values: &[u32]| -> Result<u64, CudaError> {
@@ -195,19 +197,17 @@ impl NetworkBatch {
             laws: number(&network.laws.iter().flat_map(LawData::numbers).collect::<Vec<_>>())?,
             boundary: number(network.boundary.as_flattened())?,
             incident_start: index(&plan.incident.0)?,
-            incident: index(&plan.incident.1)?,
-            edge_start: index(&plan.edge_fibers.0)?,
-            edge_fibers: index(&plan.edge_fibers.1)?,
+            incident: index(plan.incident.1.as_flattened())?,
             factor: index(&schedule.factor)?,
-            row_start: index(&schedule.row_start)?,
-            row_blocks: index(&schedule.row_blocks)?,
-            column_start: index(&schedule.column_start)?,
-            column_rows: index(&schedule.column_rows)?,
+            forward: index(&schedule.forward)?,
+            backward: index(&schedule.backward)?,
             order: index(&plan.order)?,
             interior: network.interior as u32,
             nodes: (network.interior + network.boundary.len()) as u32,
             fibers: network.ends.len() as u32,
             blocks: schedule.blocks() as u32,
+            pairs: plan.pairs as u32,
+            tiles: schedule.tiles as u32,
             ..Uniform::default()
         };
         Ok(Self {
@@ -256,9 +256,10 @@ impl NetworkBatch {
 
     /// Numbers of the arrays of a thread, in the order of [`Scratch::arrays`].
     fn scratch_lengths(&self) -> [usize; 7] {
-        let Uniform { interior, fibers, blocks, .. } = self.uniform;
-        let (interior, fibers, blocks) = (interior as usize, fibers as usize, blocks as usize);
-        [3 * interior, 3 * interior, 6 * fibers, 3 * fibers, 6 * interior, 9 * blocks, 3 * MODES * interior]
+        let Uniform { interior, pairs, blocks, .. } = self.uniform;
+        let (interior, pairs, blocks) = (interior as usize, pairs as usize, blocks as usize);
+        let vector = 3 * interior;
+        [vector, vector, 6 * interior, 6 * pairs, 6 * interior, 9 * (blocks + 1), MODES * vector]
     }
 
     /// Returns how many networks fit into the free memory beside what is already allocated, at most `wanted`.
@@ -441,10 +442,10 @@ impl NetworkBatch {
             }
         }
         if let Some(Scratch { arrays, .. }) = &self.scratch {
-            let [trial, direction, fiber_blocks, fiber_pulls, diagonal, lower, modes] =
+            let [trial, direction, stiffness, edges, diagonal, lower, modes] =
                 arrays.each_ref().map(|m| self.queue.address(m));
-            (uniform.trial, uniform.direction, uniform.fiber_blocks) = (trial, direction, fiber_blocks);
-            (uniform.fiber_pulls, uniform.diagonal, uniform.lower) = (fiber_pulls, diagonal, lower);
+            (uniform.trial, uniform.direction, uniform.stiffness) = (trial, direction, stiffness);
+            (uniform.edges, uniform.diagonal, uniform.lower) = (edges, diagonal, lower);
             uniform.modes = modes;
         }
         uniform
@@ -508,6 +509,13 @@ impl std::fmt::Debug for NetworkBatch {
     }
 }
 
+/// The tiles of the factorization.
+fn tile_shape() -> TileShape {
+    let shape = std::env::var("TILE").unwrap_or_else(|_| "2x3".into());
+    let (columns, rows) = shape.split_once('x').unwrap();
+    TileShape { columns: columns.parse().unwrap(), rows: rows.parse().unwrap() }
+}
+
 /// A network with its nodes in the order of elimination.
 struct Plan {
     /// By place in the order: the interior node.
@@ -515,14 +523,14 @@ struct Plan {
     ends: Vec<u32>,
     sizes: Vec<f64>,
     /// By node: the fibers that end there, as `kernel.cu` stores them.
-    incident: (Vec<u32>, Vec<u32>),
-    /// By pair of interior nodes that fibers connect: these fibers.
-    edge_fibers: (Vec<u32>, Vec<u32>),
+    incident: (Vec<u32>, Vec<[u32; 4]>),
+    /// Pairs of interior nodes that fibers connect.
+    pairs: usize,
     schedule: Schedule,
 }
 
 impl Plan {
-    fn new(network: &NetworkData) -> Self {
+    fn new(network: &NetworkData, shape: TileShape) -> Self {
         let NetworkData { interior, boundary, ends, lengths, areas, law_of, laws } = network;
         let nodes = interior + boundary.len();
         assert!(ends.as_flattened().iter().all(|&node| (node as usize) < nodes), "the nodes of the fibers exist");
@@ -536,28 +544,19 @@ impl Plan {
         }
         let ends: Vec<[u32; 2]> = ends.iter().map(|ends| ends.map(|node| number[node as usize])).collect();
         let is_interior = |node: u32| (node as usize) < *interior;
-        let mut edges: Vec<([u32; 2], u32)> = (0..)
-            .zip(&ends)
-            .filter(|(_, [a, b])| is_interior(*a) && is_interior(*b) && a != b)
-            .map(|(fiber, &[a, b])| ([a.min(b), a.max(b)], fiber))
+        let mut pairs: Vec<[u32; 2]> = ends
+            .iter()
+            .filter(|[a, b]| is_interior(*a) && is_interior(*b) && a != b)
+            .map(|&[a, b]| [a.min(b), a.max(b)])
             .collect();
-        edges.sort_unstable();
-        let of_edges: Vec<&[([u32; 2], u32)]> = edges.chunk_by(|a, b| a.0 == b.0).collect();
-        let pairs: Vec<[u32; 2]> = of_edges.iter().map(|fibers| fibers[0].0).collect();
-        let mut incident = vec![Vec::new(); nodes];
-        for (fiber, ends) in (0..).zip(&ends) {
-            for (end, &node) in (0..).zip(ends) {
-                incident[node as usize].push(2 * fiber + end);
-            }
-        }
+        pairs.sort_unstable();
+        pairs.dedup();
         let size = |(&length, &area): (&f64, &f64)| [length, area, area / length, area * length];
         Self {
             sizes: lengths.iter().zip(areas).flat_map(size).collect(),
-            schedule: Schedule::new(*interior, &pairs),
-            edge_fibers: schedule::flattened(
-                &of_edges.iter().map(|of| of.iter().map(|&(_, fiber)| fiber).collect()).collect::<Vec<Vec<u32>>>(),
-            ),
-            incident: schedule::flattened(&incident),
+            schedule: Schedule::new(*interior, &pairs, shape),
+            incident: schedule::flattened(&incidents(nodes, &ends, &pairs)),
+            pairs: pairs.len(),
             ends: ends.into_flattened(),
             order,
         }
@@ -565,15 +564,29 @@ impl Plan {
 
     /// Returns the bytes that a factorization reads and writes.
     fn bytes_of_factorization(&self) -> f64 {
-        let (blocks, diagonal, vector) = (9, 6, 3);
-        // The incident fibers of interior nodes, and the fibers between them.
-        let interior = self.order.len();
-        let fibers = self.incident.0[interior] as usize + self.edge_fibers.1.len();
-        // Blocks of the row of each node with the solution so far, the factor itself, and the vectors.
-        let rows = self.schedule.blocks() * (blocks + vector);
-        let written = self.schedule.blocks() * blocks + interior * (diagonal + 2 * vector);
-        (size_of::<f64>() * (diagonal * fibers + rows + written + blocks * self.schedule.reads())) as f64
+        let (block, diagonal, vector) = (9, 6, 3);
+        let (nodes, blocks) = (self.order.len(), self.schedule.blocks());
+        let read = diagonal * (nodes + self.pairs) + vector * (nodes + blocks) + block * self.schedule.reads();
+        let written = block * blocks + (diagonal + vector) * nodes;
+        (size_of::<f64>() * (read + written)) as f64
     }
+}
+
+/// Returns for each node the ends of fibers there: the fiber, the node at its other end, the pair of nodes to which this
+/// end adds the stiffness of the fiber, and whether the fiber is the first of the pair.
+fn incidents(nodes: usize, ends: &[[u32; 2]], pairs: &[[u32; 2]]) -> Vec<Vec<[u32; 4]>> {
+    let mut incidents = vec![Vec::new(); nodes];
+    let mut is_known = vec![false; pairs.len()];
+    for (fiber, &[a, b]) in (0..).zip(ends) {
+        let pair = pairs.binary_search(&[a.min(b), a.max(b)]).ok();
+        for (node, other) in [(a, b), (b, a)] {
+            let adds = pair.filter(|_| node < other);
+            let is_first = adds.is_some_and(|pair| !std::mem::replace(&mut is_known[pair], true));
+            let pair = adds.map_or(NONE, |pair| pair as u32);
+            incidents[node as usize].push([fiber, other, pair, u32::from(is_first)]);
+        }
+    }
+    incidents
 }
 
 /// Returns the order in which the backend `sparse` eliminates the nodes.

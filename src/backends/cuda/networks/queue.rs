@@ -4,7 +4,8 @@ use std::sync::Arc;
 
 use cudarc::driver::{CudaFunction, CudaSlice, DevicePtr, DeviceRepr, LaunchConfig, PushKernelArg, ValidAsZeroBits};
 
-use super::layout::{BLOCK_THREADS, KERNELS, SOURCE, Uniform, definitions};
+use super::layout::{BLOCK_THREADS, KERNELS, Uniform, source};
+use super::schedule::TileShape;
 use crate::backends::cuda::{CudaError, Device};
 
 /// The kernels, and where they run.
@@ -38,8 +39,8 @@ pub(super) enum Kernel {
 
 impl Queue {
     /// Compiles the kernels for a device.
-    pub fn on(device: &Device) -> Result<Self, CudaError> {
-        let module = device.load(&(definitions() + SOURCE))?;
+    pub fn on(device: &Device, shape: TileShape) -> Result<Self, CudaError> {
+        let module = device.load(&source(shape))?;
         let mut functions = Vec::new();
         for name in KERNELS {
             functions.push(module.load_function(name).map_err(CudaError::of("find a kernel"))?);
