@@ -10,7 +10,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use biotissue::backends::cuda::Device;
-use biotissue::backends::cuda::networks::{NetworkStates, Status};
+use biotissue::backends::cuda::networks::Status;
 use biotissue::backends::sparse::Sparse;
 use biotissue::device::RveBatch;
 use biotissue::fiber::equilibrium::{EquilibriumParams, equilibrate};
@@ -109,13 +109,6 @@ fn measure(device: &Device, name: &str, network: Network, most: usize) -> Result
     loop {
         let wanted = count;
         count = batch.networks().fitting(wanted)?;
-        let len = rest.interior().len();
-        let states = NetworkStates {
-            gradients: vec![rows(rest.gradient()); count],
-            positions: rest.interior().as_flattened().repeat(count),
-            sensitivities: vec![0.0; 18 * len * count],
-            predicts: vec![0.0; count],
-        };
         let goals: Vec<[Matrix3<f64>; 2]> = (0..count).into_par_iter().map(targets).collect();
         let of_increment = |k: usize| goals.iter().map(|goals| rows(&goals[k])).collect::<Vec<_>>();
         let increments = [of_increment(0), of_increment(1)];
@@ -123,7 +116,12 @@ fn measure(device: &Device, name: &str, network: Network, most: usize) -> Result
         let mut best = [f64::INFINITY; 2];
         let mut report = Vec::new();
         for _ in 0..2 {
-            batch.networks().set_states(&states)?;
+            batch.networks().set_states(count, |states| {
+                states.gradients.fill(rows(rest.gradient()));
+                states.predicts.fill(0.0);
+                let positions = states.positions.par_chunks_mut(rest.interior().as_flattened().len());
+                positions.for_each(|place| place.copy_from_slice(rest.interior().as_flattened()));
+            })?;
             report.clear();
             for (increment, targets) in increments.iter().enumerate() {
                 device.synchronize()?;

@@ -38,8 +38,9 @@ use crate::backends::cuda::networks::{
     BatchParams, LawData, LawFormula, NetworkBatch, NetworkData, NetworkResult, NetworkStates, Status,
 };
 use crate::backends::cuda::{CudaError, Device};
+use crate::fiber::batch::{BatchEquilibrium, BatchSolver};
 use crate::fiber::equilibrium::{EquilibriumParams, ExcessiveForce, Stage};
-use crate::fiber::homogenize::{Tangent, tangent_from_form};
+use crate::fiber::homogenize::tangent_from_form;
 use crate::fiber::law::Law;
 use crate::fiber::rve::{Rve, RveModel, Sensitivities};
 use crate::las::RealBackend;
@@ -52,23 +53,7 @@ pub struct RveBatch {
     scale: f64,
     /// The residual that counts as zero.
     floor: f64,
-    predicts: bool,
     interior: usize,
-}
-
-/// An RVE in equilibrium.
-#[derive(Clone, Copy, Debug)]
-pub struct BatchEquilibrium {
-    /// First Piola-Kirchhoff stress, Pa.
-    pub pk1: Matrix3<f64>,
-    /// Strain energy per reference volume, J/m^3.
-    pub energy: f64,
-    /// `dP/dF`, Pa.
-    pub tangent: Tangent,
-    /// Newton iterations.
-    pub iterations: usize,
-    /// Steps that the line search shortened.
-    pub backtracks: usize,
 }
 
 /// Returns the form in which the kernels evaluate a law; `None` for a table or a custom law.
@@ -128,19 +113,19 @@ impl RveBatch {
         predicts: bool,
     ) -> Result<Option<Self>, CudaError> {
         let Some(network) = network_data(model) else { return Ok(None) };
-        Ok(Some(Self::of(model, NetworkBatch::new(device, &network, predicts)?, predicts)))
+        Ok(Some(Self::of(model, NetworkBatch::new(device, &network, predicts)?)))
     }
 
     /// Makes an empty batch whose kernels run on the processor; `None` without a C++ compiler.
     #[cfg(test)]
     pub(crate) fn emulated<B: RealBackend>(model: &RveModel<B>, predicts: bool) -> Option<Self> {
         let batch = NetworkBatch::emulated(&network_data(model)?, predicts)?;
-        Some(Self::of(model, batch, predicts))
+        Some(Self::of(model, batch))
     }
 
-    fn of<B: RealBackend>(model: &RveModel<B>, batch: NetworkBatch, predicts: bool) -> Self {
+    fn of<B: RealBackend>(model: &RveModel<B>, batch: NetworkBatch) -> Self {
         let interior = model.network().interior().len();
-        Self { batch, scale: model.scale(), floor: model.rounding_floor(), predicts, interior }
+        Self { batch, scale: model.scale(), floor: model.rounding_floor(), interior }
     }
 
     /// The networks on the device.
@@ -173,11 +158,10 @@ impl RveBatch {
         })
     }
 
-    /// Brings RVEs to equilibrium at these deformation gradients. An RVE for which the result is `None` is unchanged: it
-    /// needs more than Newton's method, or its state does not belong to the model.
+    /// Brings RVEs to equilibrium at these deformation gradients, as [`BatchSolver::solve`].
     ///
     /// # Errors
-    /// Returns the error of the device; the RVEs are then unchanged.
+    /// Returns the error of the device.
     ///
     /// # Panics
     /// Panics if there is not one target for each RVE.
@@ -190,25 +174,30 @@ impl RveBatch {
         assert_eq!(rves.len(), targets.len(), "one target for each RVE");
         let Some(params) = self.params(params) else { return Ok(vec![None; rves.len()]) };
         let mut solved = Vec::with_capacity(rves.len());
-        let at_once = self.batch.fitting(rves.len())?.max(1);
+        let at_once = self.batch.at_once()?;
+        let (interior, scale) = (self.interior, self.scale);
         for (rves, targets) in rves.chunks_mut(at_once).zip(targets.chunks(at_once)) {
-            self.batch.set_states(&self.states_of(rves))?;
+            self.batch.set_states(rves.len(), |states| write_states(rves, interior, states))?;
             let results = self.batch.solve(&rows_of(targets), &params)?;
-            let states = self.batch.states()?;
-            let inputs = rves.par_iter_mut().zip(targets).enumerate();
+            let inputs = rves.par_iter().zip(targets).enumerate();
             let responses = inputs.map(|(number, (rve, target))| {
-                let is_of_model = rve.interior().len() == self.interior && target.determinant() > 0.0;
-                let solved = self.response(&results.get(number), target).filter(|_| is_of_model)?;
-                self.write_state(rve, target, &states, number);
-                Some(solved)
+                let is_of_model = rve.interior().len() == interior && target.determinant() > 0.0;
+                response(&results.get(number), scale, target).filter(|_| is_of_model)
             });
-            solved.par_extend(responses);
+            let responses: Vec<Option<BatchEquilibrium>> = responses.collect();
+            self.batch.read_states(|states| {
+                let inputs = rves.par_iter_mut().zip(targets).zip(&responses).enumerate();
+                inputs.filter(|(_, (_, response))| response.is_some()).for_each(|(number, ((rve, target), _))| {
+                    take_state(rve, target, interior, &states, number);
+                });
+            })?;
+            solved.extend(responses);
         }
         Ok(solved)
     }
 
-    /// Returns for each RVE whether Newton evidently leads from the state in `from`, moved affinely, to the equilibrium in
-    /// `reached`; see [`converges_to`](crate::fiber::equilibrium::converges_to).
+    /// Returns for each RVE whether Newton evidently leads from the state in `from` to the equilibrium in `reached`, as
+    /// [`BatchSolver::converge_to`].
     ///
     /// # Errors
     /// Returns the error of the device.
@@ -223,69 +212,93 @@ impl RveBatch {
     ) -> Result<Vec<bool>, CudaError> {
         assert_eq!(from.len(), reached.len(), "one equilibrium for each start");
         let Some(params) = self.params(params) else { return Ok(vec![false; from.len()]) };
-        let mut continue_ = Vec::with_capacity(from.len());
-        let at_once = self.batch.fitting(from.len())?.max(1);
-        for (from, reached) in from.chunks(at_once).zip(reached.chunks(at_once)) {
-            self.batch.set_states(&self.states_of(from))?;
-            let targets: Vec<Matrix3<f64>> = reached.iter().map(|rve| *rve.gradient()).collect();
-            let results = self.batch.continues(&rows_of(&targets), &self.states_of(reached).positions, &params)?;
-            continue_.extend(results.iter().map(|result| result.status() == Status::Continues));
-        }
-        Ok(continue_)
-    }
-
-    /// Collects states; one of another network becomes zeros.
-    fn states_of(&self, rves: &[impl std::ops::Deref<Target = Rve> + Sync]) -> NetworkStates {
-        let (interior, count) = (self.interior, rves.len());
-        let mut positions = vec![0.0; 3 * interior * count];
-        if interior > 0 {
-            let places = positions.par_chunks_mut(3 * interior).zip(rves);
-            places.filter(|(_, rve)| rve.interior().len() == interior).for_each(|(place, rve)| {
-                place.copy_from_slice(rve.interior().as_flattened());
-            });
-        }
-        let (mut sensitivities, mut predicts) = (Vec::new(), Vec::new());
-        if self.predicts {
-            let of_network = size_of::<Sensitivities>() / size_of::<f32>() * interior;
-            sensitivities = vec![0.0; of_network * count];
-            let known = |rve: &Rve| rve.sensitivities().is_some_and(|known| known.len() == interior);
-            predicts = rves.iter().map(|rve| f64::from(u8::from(known(rve)))).collect();
-            if interior > 0 {
-                sensitivities.par_chunks_mut(of_network).zip(rves).for_each(|(place, rve)| {
-                    if let Some(known) = rve.sensitivities().filter(|known| known.len() == interior) {
-                        place.copy_from_slice(known.as_flattened());
-                    }
-                });
-            }
-        }
-        let gradients = rves.iter().map(|rve| rows(rve.gradient())).collect();
-        NetworkStates { gradients, positions, sensitivities, predicts }
-    }
-
-    fn response(&self, result: &NetworkResult<'_>, target: &Matrix3<f64>) -> Option<BatchEquilibrium> {
-        if result.status() != Status::Converged {
-            return None;
-        }
-        let pk1 = Matrix3::from_row_slice(&result.stress()) * self.scale;
-        Some(BatchEquilibrium {
-            tangent: tangent_from_form(&result.form(), self.scale, target, &pk1)?,
-            pk1,
-            energy: self.scale * result.energy(),
-            iterations: result.iterations(),
-            backtracks: result.backtracks(),
-        })
-    }
-
-    fn write_state(&self, rve: &mut Rve, target: &Matrix3<f64>, states: &NetworkStates, number: usize) {
+        let mut leads = Vec::with_capacity(from.len());
+        let at_once = self.batch.at_once()?;
         let interior = self.interior;
-        let positions = &states.positions[3 * interior * number..][..3 * interior];
-        let sensitivities = self.predicts.then(|| {
-            let len = size_of::<Sensitivities>() / size_of::<f32>();
-            let (of_nodes, _) = states.sensitivities[len * interior * number..][..len * interior].as_chunks();
-            of_nodes
-        });
-        rve.replace(target, positions.as_chunks().0, sensitivities);
+        for (from, reached) in from.chunks(at_once).zip(reached.chunks(at_once)) {
+            self.batch.set_states(from.len(), |states| write_states(from, interior, states))?;
+            let targets: Vec<Matrix3<f64>> = reached.iter().map(|rve| *rve.gradient()).collect();
+            let mut positions = vec![0.0; 3 * interior * reached.len()];
+            write_positions(reached, interior, &mut positions);
+            let results = self.batch.continues(&rows_of(&targets), &positions, &params)?;
+            leads.extend(results.iter().map(|result| result.status() == Status::Continues));
+        }
+        Ok(leads)
     }
+}
+
+impl BatchSolver for RveBatch {
+    fn solve(
+        &mut self,
+        rves: &mut [&mut Rve],
+        targets: &[Matrix3<f64>],
+        params: &EquilibriumParams,
+    ) -> Result<Vec<Option<BatchEquilibrium>>, String> {
+        self.solve(rves, targets, params).map_err(|error| error.to_string())
+    }
+
+    fn converge_to(
+        &mut self,
+        from: &[&Rve],
+        reached: &[&Rve],
+        params: &EquilibriumParams,
+    ) -> Result<Vec<bool>, String> {
+        self.converge_to(from, reached, params).map_err(|error| error.to_string())
+    }
+}
+
+/// Copies the positions of states; those of another network become zeros.
+fn write_positions(rves: &[impl std::ops::Deref<Target = Rve> + Sync], interior: usize, positions: &mut [f64]) {
+    if interior > 0 {
+        positions.par_chunks_mut(3 * interior).zip(rves).for_each(|(place, rve)| {
+            if rve.interior().len() == interior {
+                place.copy_from_slice(rve.interior().as_flattened());
+            } else {
+                place.fill(0.0);
+            }
+        });
+    }
+}
+
+/// Copies states.
+fn write_states(rves: &[impl std::ops::Deref<Target = Rve> + Sync], interior: usize, states: NetworkStates<'_>) {
+    let NetworkStates { gradients, positions, sensitivities, predicts } = states;
+    gradients.iter_mut().zip(rves).for_each(|(place, rve)| *place = rows(rve.gradient()));
+    write_positions(rves, interior, positions);
+    if !sensitivities.is_empty() {
+        let places = sensitivities.par_chunks_mut(SENSITIVITIES * interior).zip(predicts).zip(rves);
+        places.for_each(|((place, predicts), rve)| {
+            let known = rve.sensitivities().filter(|known| known.len() == interior);
+            *predicts = f64::from(u8::from(known.is_some()));
+            if let Some(known) = known {
+                place.copy_from_slice(known.as_flattened());
+            }
+        });
+    }
+}
+
+/// Sensitivities of an interior node.
+const SENSITIVITIES: usize = size_of::<Sensitivities>() / size_of::<f32>();
+
+fn take_state(rve: &mut Rve, target: &Matrix3<f64>, interior: usize, states: &NetworkStates<'_>, number: usize) {
+    let positions = &states.positions[3 * interior * number..][..3 * interior];
+    let sensitivities = (!states.sensitivities.is_empty())
+        .then(|| states.sensitivities[SENSITIVITIES * interior * number..][..SENSITIVITIES * interior].as_chunks().0);
+    rve.replace(target, positions.as_chunks().0, sensitivities);
+}
+
+fn response(result: &NetworkResult<'_>, scale: f64, target: &Matrix3<f64>) -> Option<BatchEquilibrium> {
+    if result.status() != Status::Converged {
+        return None;
+    }
+    let pk1 = Matrix3::from_row_slice(&result.stress()) * scale;
+    Some(BatchEquilibrium {
+        tangent: tangent_from_form(&result.form(), scale, target, &pk1)?,
+        pk1,
+        energy: scale * result.energy(),
+        iterations: result.iterations(),
+        backtracks: result.backtracks(),
+    })
 }
 
 fn rows(gradient: &Matrix3<f64>) -> [f64; 9] {

@@ -10,6 +10,7 @@
 //!                      Workspace-+
 //! ```
 
+pub mod batch;
 pub mod deformation_path;
 pub mod dynamic_relaxation;
 pub mod equilibrium;

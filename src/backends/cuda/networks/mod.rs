@@ -25,7 +25,7 @@ use super::{CudaError, Device};
 use crate::backends::sparse::Sparse;
 use crate::las::{Backend, SolverParams, Sparsity, Symmetry};
 use layout::{BLOCK_THREADS, LANES, LAW_LEN, MODES, RESULT_LEN, Uniform};
-use queue::{Kernel, Memory, Queue};
+use queue::{Kernel, Memory, Queue, Staging};
 pub use result::{NetworkResult, NetworkResults, Status};
 use schedule::{NONE, Schedule, TileShape};
 
@@ -104,18 +104,18 @@ pub struct BatchParams {
     pub wants_tangent: bool,
 }
 
-/// The states of networks, one after the other.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct NetworkStates {
+/// The states of networks, one after the other, in memory of the host that the device accesses.
+#[derive(Debug)]
+pub struct NetworkStates<'a> {
     /// The deformation gradient of each state, row by row.
-    pub gradients: Vec<[f64; 9]>,
+    pub gradients: &'a mut [[f64; 9]],
     /// The positions of the interior nodes, three numbers each.
-    pub positions: Vec<f64>,
+    pub positions: &'a mut [f64],
     /// Eighteen numbers for each interior node: the sensitivities of its position to the six unit strains, minus those of
     /// the affine motion. Empty if the batch keeps none.
-    pub sensitivities: Vec<f32>,
-    /// 1 for each network whose next start is predicted from its sensitivities, else 0.
-    pub predicts: Vec<f64>,
+    pub sensitivities: &'a mut [f32],
+    /// 1 for each network whose next start is predicted from its sensitivities, else 0. Empty if the batch keeps none.
+    pub predicts: &'a mut [f64],
 }
 
 /// Many networks on a device.
@@ -132,6 +132,16 @@ pub struct NetworkBatch {
     scratch: Option<Scratch>,
 }
 
+/// The memory of the host for the states, targets and results of networks.
+struct Host {
+    gradients: Staging<f64>,
+    positions: Staging<f64>,
+    sensitivities: Staging<f32>,
+    predicts: Staging<f64>,
+    targets: Staging<f64>,
+    results: Staging<f64>,
+}
+
 /// The memory of the networks: whole tiles.
 struct Networks {
     /// Networks that fit.
@@ -144,6 +154,7 @@ struct Networks {
     /// By tiles: gradients, positions, whether the start is predicted, targets, positions to reach, results.
     tiles: [Memory<f64>; 6],
     sensitivities: Memory<f32>,
+    host: Host,
 }
 
 /// The memory of the threads that solve.
@@ -242,10 +253,22 @@ impl NetworkBatch {
         self.bytes_of_factorization
     }
 
+    /// Numbers of the sensitivities of a network.
+    fn sensitivities(&self) -> usize {
+        if self.keeps_sensitivities { 3 * MODES * self.uniform.interior as usize } else { 0 }
+    }
+
+    /// How many networks the device solves at the same time, if its memory holds them.
+    ///
+    /// # Errors
+    /// Returns the error of the device.
+    pub fn at_once(&self) -> Result<usize, CudaError> {
+        self.queue.resident_threads(Kernel::Equilibrate)
+    }
+
     /// Bytes of device memory for each network.
     pub fn bytes_per_network(&self) -> usize {
-        let interior = self.uniform.interior as usize;
-        let sensitivities = if self.keeps_sensitivities { 3 * MODES * interior } else { 0 };
+        let (interior, sensitivities) = (self.uniform.interior as usize, self.sensitivities());
         2 * (size_of::<f64>() * (9 + 3 * interior + 9 + 3 * interior + RESULT_LEN) + size_of::<f32>() * sensitivities)
     }
 
@@ -281,54 +304,46 @@ impl NetworkBatch {
         Ok(wanted.min((for_networks / self.bytes_per_network() / LANES * LANES).max(LANES)))
     }
 
-    /// Replaces all networks by these.
+    /// Replaces all networks by `count` others, whose states `write` sets.
     ///
     /// # Errors
     /// Returns the error of the device, for example if its memory does not suffice.
-    ///
-    /// # Panics
-    /// Panics if the lists of the states have other lengths than the networks need.
-    pub fn set_states(&mut self, states: &NetworkStates) -> Result<(), CudaError> {
-        let count = states.gradients.len();
-        let interior = self.uniform.interior as usize;
-        assert_eq!(states.positions.len(), 3 * interior * count, "three coordinates for each interior node");
+    pub fn set_states(&mut self, count: usize, write: impl FnOnce(NetworkStates<'_>)) -> Result<(), CudaError> {
         self.reserve(count)?;
+        let (interior, sensitivities) = (self.uniform.interior as usize, self.sensitivities());
         let Some(networks) = &mut self.networks else { return Ok(()) };
-        networks.count = count;
+        let host = &mut networks.host;
+        write(host.states(count, interior, sensitivities)?);
         let [gradients, positions, ..] = &mut networks.caller;
-        self.queue.write(states.gradients.as_flattened(), gradients)?;
-        self.queue.write(&states.positions, positions)?;
+        self.queue.write(&host.gradients.values()?[..9 * count], gradients)?;
+        self.queue.write(&host.positions.values()?[..3 * interior * count], positions)?;
         if self.keeps_sensitivities {
-            assert_eq!(states.sensitivities.len(), 3 * MODES * interior * count, "18 numbers for each interior node");
-            assert_eq!(states.predicts.len(), count, "one number for each network");
-            self.queue.write(&states.sensitivities, &mut networks.caller_sensitivities)?;
-            self.queue.write(&states.predicts, &mut networks.tiles[2])?;
+            let values = &host.sensitivities.values()?[..sensitivities * count];
+            self.queue.write(values, &mut networks.caller_sensitivities)?;
+            self.queue.write(&host.predicts.values()?[..count], &mut networks.tiles[2])?;
         }
         let uniform = self.of_networks(count);
         self.run(Kernel::TakeStates, &uniform, count)
     }
 
-    /// Reads the states of all networks.
+    /// Passes the states of all networks to `read`.
     ///
     /// # Errors
     /// Returns the error of the device.
-    pub fn states(&self) -> Result<NetworkStates, CudaError> {
-        let Some(networks) = &self.networks else { return Ok(NetworkStates::default()) };
-        let (count, interior) = (networks.count, self.uniform.interior as usize);
+    pub fn read_states<R>(&mut self, read: impl FnOnce(NetworkStates<'_>) -> R) -> Result<Option<R>, CudaError> {
+        let (count, interior, sensitivities) = (self.len(), self.uniform.interior as usize, self.sensitivities());
         self.run(Kernel::GiveStates, &self.of_networks(count), count)?;
-        let sensitivities = if self.keeps_sensitivities { 3 * MODES * interior * count } else { 0 };
-        let mut states = NetworkStates {
-            gradients: vec![[0.0; 9]; count],
-            positions: vec![0.0; 3 * interior * count],
-            sensitivities: vec![0.0; sensitivities],
-            predicts: vec![0.0; if self.keeps_sensitivities { count } else { 0 }],
-        };
+        let Some(networks) = &mut self.networks else { return Ok(None) };
+        let host = &mut networks.host;
         let [gradients, positions, ..] = &networks.caller;
-        self.queue.read(gradients, states.gradients.as_flattened_mut())?;
-        self.queue.read(positions, &mut states.positions)?;
-        self.queue.read(&networks.caller_sensitivities, &mut states.sensitivities)?;
-        self.queue.read(&networks.tiles[2], &mut states.predicts)?;
-        Ok(states)
+        self.queue.read(gradients, &mut host.gradients.values()?[..9 * count])?;
+        self.queue.read(positions, &mut host.positions.values()?[..3 * interior * count])?;
+        if self.keeps_sensitivities {
+            let values = &mut host.sensitivities.values()?[..sensitivities * count];
+            self.queue.read(&networks.caller_sensitivities, values)?;
+            self.queue.read(&networks.tiles[2], &mut host.predicts.values()?[..count])?;
+        }
+        Ok(Some(read(host.states(count, interior, sensitivities)?)))
     }
 
     /// Finds the equilibria of the first networks at these deformation gradients, given row by row; an equilibrium becomes
@@ -339,7 +354,7 @@ impl NetworkBatch {
     ///
     /// # Panics
     /// Panics if there are more gradients than networks.
-    pub fn solve(&mut self, targets: &[[f64; 9]], params: &BatchParams) -> Result<NetworkResults, CudaError> {
+    pub fn solve(&mut self, targets: &[[f64; 9]], params: &BatchParams) -> Result<NetworkResults<'_>, CudaError> {
         self.reserve_scratch(targets.len())?;
         let uniform = self.prepare(targets, None, params)?;
         let Some(scratch) = &self.scratch else { return Ok(NetworkResults::default()) };
@@ -366,7 +381,7 @@ impl NetworkBatch {
         targets: &[[f64; 9]],
         reached: &[f64],
         params: &BatchParams,
-    ) -> Result<NetworkResults, CudaError> {
+    ) -> Result<NetworkResults<'_>, CudaError> {
         /// Most Newton steps of the test.
         const STEPS: u32 = 3;
         assert_eq!(reached.len(), 3 * self.uniform.interior as usize * targets.len(), "the positions of all networks");
@@ -391,7 +406,9 @@ impl NetworkBatch {
         assert!(targets.len() <= self.len(), "a state for each target");
         assert!((1..=8).contains(&params.memory), "1 to 8 iterates in the sufficient-decrease condition");
         let Some(networks) = &mut self.networks else { return Ok(self.uniform) };
-        self.queue.write(targets.as_flattened(), &mut networks.caller[2])?;
+        let host = &mut networks.host.targets.values()?[..9 * targets.len()];
+        host.copy_from_slice(targets.as_flattened());
+        self.queue.write(host, &mut networks.caller[2])?;
         self.queue.write(reached.unwrap_or_default(), &mut networks.caller[3])?;
         let mut uniform = self.of_networks(targets.len());
         if reached.is_none() {
@@ -406,12 +423,12 @@ impl NetworkBatch {
         Ok(uniform)
     }
 
-    fn results(&self, uniform: &Uniform, count: usize) -> Result<NetworkResults, CudaError> {
-        let Some(networks) = &self.networks else { return Ok(NetworkResults::default()) };
+    fn results(&mut self, uniform: &Uniform, count: usize) -> Result<NetworkResults<'_>, CudaError> {
         self.run(Kernel::GiveResults, uniform, count)?;
-        let mut values = vec![0.0; RESULT_LEN * count];
-        self.queue.read(&networks.caller[4], &mut values)?;
-        Ok(NetworkResults::new(values))
+        let Some(networks) = &mut self.networks else { return Ok(NetworkResults::default()) };
+        let host = &mut networks.host.results.values()?[..RESULT_LEN * count];
+        self.queue.read(&networks.caller[4], host)?;
+        Ok(NetworkResults::new(host))
     }
 
     fn run(&self, kernel: Kernel, uniform: &Uniform, threads: usize) -> Result<(), CudaError> {
@@ -462,7 +479,16 @@ impl NetworkBatch {
         self.networks = None;
         let capacity = count.next_multiple_of(LANES);
         let interior = self.uniform.interior as usize;
-        let of_sensitivities = if self.keeps_sensitivities { 3 * MODES * interior } else { 0 };
+        let of_sensitivities = self.sensitivities();
+        let of_predicts = if self.keeps_sensitivities { capacity } else { 0 };
+        let host = Host {
+            gradients: self.queue.staging(9 * capacity)?,
+            positions: self.queue.staging(3 * interior * capacity)?,
+            sensitivities: self.queue.staging(of_sensitivities * capacity)?,
+            predicts: self.queue.staging(of_predicts)?,
+            targets: self.queue.staging(9 * capacity)?,
+            results: self.queue.staging(RESULT_LEN * capacity)?,
+        };
         let numbers = |per_network: usize| self.queue.zeros::<f64>(per_network * capacity);
         let singles = || self.queue.zeros::<f32>(of_sensitivities * capacity);
         self.networks = Some(Networks {
@@ -472,6 +498,7 @@ impl NetworkBatch {
             caller_sensitivities: singles()?,
             tiles: arrays([9, 3 * interior, 1, 9, 3 * interior, RESULT_LEN], numbers)?,
             sensitivities: singles()?,
+            host,
         });
         Ok(())
     }
@@ -489,6 +516,18 @@ impl NetworkBatch {
         let arrays = arrays(self.scratch_lengths(), |per_thread| self.queue.zeros(per_thread * threads))?;
         self.scratch = Some(Scratch { threads, arrays });
         Ok(())
+    }
+}
+
+impl Host {
+    fn states(&mut self, count: usize, interior: usize, sensitivities: usize) -> Result<NetworkStates<'_>, CudaError> {
+        let predicts = if sensitivities > 0 { count } else { 0 };
+        Ok(NetworkStates {
+            gradients: self.gradients.values()?[..9 * count].as_chunks_mut().0,
+            positions: &mut self.positions.values()?[..3 * interior * count],
+            sensitivities: &mut self.sensitivities.values()?[..sensitivities * count],
+            predicts: &mut self.predicts.values()?[..predicts],
+        })
     }
 }
 

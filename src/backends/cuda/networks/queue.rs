@@ -2,7 +2,9 @@
 
 use std::sync::Arc;
 
-use cudarc::driver::{CudaFunction, CudaSlice, DevicePtr, DeviceRepr, LaunchConfig, PushKernelArg, ValidAsZeroBits};
+use cudarc::driver::{
+    CudaFunction, CudaSlice, DevicePtr, DeviceRepr, LaunchConfig, PinnedHostSlice, PushKernelArg, ValidAsZeroBits,
+};
 
 use super::layout::{BLOCK_THREADS, KERNELS, Uniform, source};
 use super::schedule::TileShape;
@@ -24,6 +26,24 @@ pub(super) enum Memory<T> {
     Device(CudaSlice<T>),
     #[cfg(test)]
     Host(Vec<T>),
+}
+
+/// Page-locked memory of the host, which the device reads and writes without a copy in between.
+pub(super) enum Staging<T> {
+    Pinned(PinnedHostSlice<T>),
+    #[cfg(test)]
+    Plain(Vec<T>),
+}
+
+impl<T: DeviceRepr + ValidAsZeroBits> Staging<T> {
+    /// Returns the numbers. The caller has waited for all transfers of them.
+    pub fn values(&mut self) -> Result<&mut [T], CudaError> {
+        match self {
+            Self::Pinned(memory) => memory.as_mut_slice().map_err(CudaError::of("wait for a transfer")),
+            #[cfg(test)]
+            Self::Plain(values) => Ok(values),
+        }
+    }
 }
 
 /// A kernel, by its place in [`KERNELS`].
@@ -63,6 +83,23 @@ impl Queue {
         }
     }
 
+    /// Allocates page-locked memory of the host for `len` numbers, all zero.
+    pub fn staging<T: DeviceRepr + ValidAsZeroBits + Clone + Default>(
+        &self,
+        len: usize,
+    ) -> Result<Staging<T>, CudaError> {
+        let mut staging = match self {
+            // SAFETY: all numbers are set below, before they are read.
+            Self::Device { device, .. } => unsafe { device.context().alloc_pinned_with_flags(len.max(1), 0) }
+                .map(Staging::Pinned)
+                .map_err(CudaError::of("allocate page-locked memory of the host"))?,
+            #[cfg(test)]
+            Self::Emulated(_) => Staging::Plain(vec![T::default(); len]),
+        };
+        staging.values()?.fill(T::default());
+        Ok(staging)
+    }
+
     /// Copies numbers to the device.
     pub fn copy_of<T: DeviceRepr + ValidAsZeroBits + Clone + Default>(
         &self,
@@ -73,7 +110,8 @@ impl Queue {
         Ok(memory)
     }
 
-    /// Copies numbers to the first places of a memory.
+    /// Copies numbers to the first places of a memory. Numbers in page-locked memory must not change before the next
+    /// [`Queue::read`].
     ///
     /// # Panics
     /// Panics if the memory is shorter.

@@ -43,13 +43,13 @@ impl Status {
 }
 
 /// The results of a batch, by network.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct NetworkResults {
-    values: Vec<f64>,
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct NetworkResults<'a> {
+    values: &'a [f64],
 }
 
-impl NetworkResults {
-    pub(super) fn new(values: Vec<f64>) -> Self {
+impl<'a> NetworkResults<'a> {
+    pub(super) fn new(values: &'a [f64]) -> Self {
         Self { values }
     }
 
@@ -67,12 +67,12 @@ impl NetworkResults {
     ///
     /// # Panics
     /// Panics if the network has none.
-    pub fn get(&self, network: usize) -> NetworkResult<'_> {
+    pub fn get(&self, network: usize) -> NetworkResult<'a> {
         NetworkResult { values: &self.values[RESULT_LEN * network..][..RESULT_LEN] }
     }
 
     /// Iterates over the results of all networks.
-    pub fn iter(&self) -> impl ExactSizeIterator<Item = NetworkResult<'_>> {
+    pub fn iter(&self) -> impl ExactSizeIterator<Item = NetworkResult<'a>> {
         self.values.chunks_exact(RESULT_LEN).map(|values| NetworkResult { values })
     }
 }

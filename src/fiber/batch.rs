@@ -1,0 +1,48 @@
+//! Equilibria of many RVEs of one model at once: the interface of a solver that has another processor at its disposal.
+
+use nalgebra::Matrix3;
+
+use super::equilibrium::EquilibriumParams;
+use super::homogenize::Tangent;
+use super::rve::Rve;
+
+/// An RVE in equilibrium.
+#[derive(Clone, Copy, Debug)]
+pub struct BatchEquilibrium {
+    /// First Piola-Kirchhoff stress, Pa.
+    pub pk1: Matrix3<f64>,
+    /// Strain energy per reference volume, J/m^3.
+    pub energy: f64,
+    /// `dP/dF`, Pa.
+    pub tangent: Tangent,
+    /// Newton iterations.
+    pub iterations: usize,
+    /// Steps that the line search shortened.
+    pub backtracks: usize,
+}
+
+/// Solves for the equilibria of many RVEs of one model.
+///
+/// Whatever it solves has the result of [`equilibrate`](super::equilibrium::equilibrate) to rounding errors, and the
+/// result of an RVE does not depend on the others. What it does not solve, it leaves to `equilibrate`.
+pub trait BatchSolver: Send {
+    /// Brings RVEs to equilibrium at these deformation gradients, one for each. An RVE for which the result is `None` is
+    /// unchanged: it needs more than Newton's method, or its state does not belong to the model.
+    ///
+    /// # Errors
+    /// Returns the reason why nothing can be solved; the RVEs are then unchanged or in equilibrium at their gradients.
+    fn solve(
+        &mut self,
+        rves: &mut [&mut Rve],
+        targets: &[Matrix3<f64>],
+        params: &EquilibriumParams,
+    ) -> Result<Vec<Option<BatchEquilibrium>>, String>;
+
+    /// Returns for each RVE whether Newton evidently leads from the state in `from`, moved affinely, to the equilibrium in
+    /// `reached`; see [`converges_to`](super::equilibrium::converges_to).
+    ///
+    /// # Errors
+    /// Returns the reason why nothing can be tested.
+    fn converge_to(&mut self, from: &[&Rve], reached: &[&Rve], params: &EquilibriumParams)
+    -> Result<Vec<bool>, String>;
+}
