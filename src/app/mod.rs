@@ -22,6 +22,7 @@ mod recorder;
 pub mod report;
 pub mod results;
 pub mod run;
+pub mod rve_device;
 mod rve_files;
 mod stress;
 pub mod vtu;

@@ -422,6 +422,7 @@ fn load_names(case: &Case, mesh: &Mesh) -> LoadNames {
 fn rve_log(stats: &RveStats, counts: &RveCounts) -> RveLog {
     RveLog {
         solves: stats.solves as u64,
+        in_batches: stats.in_batches as u64,
         iterations_total: stats.iterations as u64,
         iterations_max: stats.most_iterations as u64,
         iterations_mean: stats.iterations as f64 / stats.solves.max(1) as f64,

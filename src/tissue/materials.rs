@@ -122,7 +122,7 @@ pub enum BeforeCreation {
 }
 
 /// How RVEs are solved; by default with tolerance 1e-10, at most 50 iterations, at most 6 cuts, all stages, from a
-/// prediction, and with a direct solver.
+/// prediction, with a direct solver, and on the processor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RveParams {
     /// Tolerance of the relative residual.
@@ -137,6 +137,24 @@ pub struct RveParams {
     pub predictor: bool,
     /// The linear solver.
     pub solver: Method,
+    /// The device that solves most RVEs, many at once; `None`: the processor solves all.
+    pub device: Option<RveDevice>,
+}
+
+/// A device that solves RVEs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RveDevice {
+    /// A graphics processor of NVIDIA.
+    Cuda,
+}
+
+impl RveDevice {
+    /// The name in the case file.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Cuda => "cuda",
+        }
+    }
 }
 
 /// A choice of elements.
@@ -165,6 +183,7 @@ impl Default for RveParams {
             stages: Stages::default(),
             predictor: true,
             solver: Method::Direct,
+            device: None,
         }
     }
 }

@@ -87,6 +87,7 @@
 //! stages = ["newton", "regularized", "cuts", "relaxation"]   # tried in this order, whatever the order here
 //! solver = { method = "direct" }           # or an iterative one (below)
 //! predictor = true                         # start from the prediction of the last tangent; 72 bytes per interior node
+//! device = "none"                         # or "cuda": a graphics processor solves most RVEs, many at once
 //!
 //! [scales]                                 # ranks of each scale; default: one process does both
 //! macro = 1

@@ -8,7 +8,7 @@ use crate::fem::mesh::QuadraticHexahedron;
 use crate::fem::mesh::shapes::TubeShape;
 use crate::fem::stepping::{AdaptiveIncrements, StepStart};
 use crate::fiber::equilibrium::{Stage, Stages};
-use crate::tissue::materials::{ElementSelection, RveParams};
+use crate::tissue::materials::{ElementSelection, RveDevice, RveParams};
 use crate::tissue::two_scale::{BalanceParams, PlannerName, WeightsName, When};
 use toml::de::DeValue;
 
@@ -229,7 +229,21 @@ pub(super) fn micro(root: &mut Table<'_>) -> RveParams {
         stages: table.get("stages").and_then(|value| stages(&value)).unwrap_or(default.stages),
         predictor: table.boolean("predictor").unwrap_or(default.predictor),
         solver: solver::of_micro(table),
+        device: table.get("device").and_then(|value| device(&value)).unwrap_or(default.device),
     })
+}
+
+/// Reads the device of the RVEs, which this build must be able to use.
+fn device(value: &Value<'_>) -> Option<Option<RveDevice>> {
+    let device = value.choice(&[("none", None), (RveDevice::Cuda.name(), Some(RveDevice::Cuda))])?;
+    if device.is_some() && !cfg!(feature = "cuda") {
+        value.report_invalid(
+            "\"none\" in this build, which has no support for devices",
+            "build with `cargo build --release --features cuda`, or set `device = \"none\"`",
+        );
+        return None;
+    }
+    Some(device)
 }
 
 /// Reads the list of solution stages, which must not be empty.

@@ -123,7 +123,9 @@ impl Case {
             entry("predictor", micro.predictor),
             solver::micro_entry(&micro.solver),
         ];
-        section(&mut out, "[micro]", entries);
+        // Earlier versions do not know this key.
+        let device = micro.device.map(|device| entry("device", device.name()));
+        section(&mut out, "[micro]", entries.into_iter().chain(device));
         let entries =
             [entry("macro", scales.macro_ranks), entry("micro", scales.micro_ranks), entry("near", scales.near)];
         // Earlier versions do not know this key.

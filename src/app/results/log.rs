@@ -238,6 +238,9 @@ pub struct NewtonSeconds {
 pub struct RveLog {
     /// Number of RVE solves, one per RVE and Newton iteration of the macro scale.
     pub solves: u64,
+    /// Number of those that a device solved, many at once; absent in logs of earlier versions.
+    #[serde(default)]
+    pub in_batches: u64,
     /// Total number of Newton iterations.
     pub iterations_total: u64,
     /// Largest number of iterations of one solve.

@@ -12,6 +12,7 @@ use crate::app::macro_scale;
 use crate::app::material_fields::{self, FieldRange, ResolvedMaterials};
 use crate::app::plausibility::{self, FloppyNetworks, LoadSize, Plausibility};
 use crate::app::results::ResultsRecord;
+use crate::app::rve_device;
 use crate::app::rve_files;
 use crate::fem::boundary::Conditions;
 use crate::fem::mesh::{Division, Mesh};
@@ -65,7 +66,10 @@ impl<B: RealBackend> Setup<B> {
         let of_rves = context.clone();
         let costs = case.output.costs;
         Self::with_material(context, case, None, |materials, mesh| {
+            let device = materials.rve.device;
             let (mut field, warnings) = TissueField::new(of_rves, materials, mesh)?;
+            let predicts = field.library().predicts();
+            field.solve_in_batches(|model| rve_device::batch_solver(device, 0, model, predicts))?;
             if costs {
                 field.keep_costs();
             }

@@ -206,6 +206,10 @@ pub fn not_set_up<F: std::error::Error + 'static>(of: &CaseHints, error: Simulat
             "a network whose fibers have a law, a radius and a modulus",
             "give the region a `law`, or put NETWORK.toml with a [law] or NETWORK.params beside the network",
         ),
+        SimulationError::Library(LibraryError::Device(_)) => (
+            "a graphics processor of NVIDIA with its driver and the compiler NVRTC",
+            "install what is missing, or set `device = \"none\"` in [micro]",
+        ),
         SimulationError::Library(LibraryError::NoFormula(..)) => {
             ("a formula at every point of the region", "make the formulas for the mesh of the case")
         }

@@ -2,13 +2,14 @@
 
 use std::collections::{HashMap, HashSet};
 use std::path::PathBuf;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use nalgebra::Matrix3;
 use thiserror::Error;
 
 use crate::fem::material::SaintVenantKirchhoff;
 use crate::fem::mesh::{IntegrationPoint, Mesh};
+use crate::fiber::batch::BatchSolver;
 use crate::fiber::equilibrium::{EquilibriumParams, equilibrate};
 use crate::fiber::law::FiberMaterial;
 use crate::fiber::network::{Network, file};
@@ -29,6 +30,9 @@ pub enum LibraryError {
     /// The network in a file cannot be used as an RVE: the reason.
     #[error("{0}: {1}")]
     Model(PathBuf, String),
+    /// The device that should solve the RVEs cannot be used: the reason.
+    #[error("the RVEs cannot be solved on a device: {0}")]
+    Device(String),
     /// A region of the mesh has no material.
     #[error("no material for the region {0}")]
     NoMaterial(String),
@@ -46,6 +50,8 @@ pub struct Library<B: Backend> {
     pub(super) params: EquilibriumParams,
     /// Whether RVEs keep the sensitivities that predict the start of the next solve.
     pub(super) predict: bool,
+    /// The solvers of whole batches of RVEs, for models that have one.
+    batch_solvers: Vec<Option<Mutex<Box<dyn BatchSolver>>>>,
 }
 
 /// The material of an integration point.
@@ -89,7 +95,34 @@ impl<B: RealBackend> Library<B> {
         params.newton.max_iterations = rve.max_iterations;
         params.max_cuts = rve.max_cuts;
         let params = params.with_stages(rve.stages);
-        Ok((Self { context, models, regions, params, predict: rve.predictor }, warnings))
+        let batch_solvers = models.iter().map(|_| None).collect();
+        Ok((Self { context, models, regions, params, predict: rve.predictor, batch_solvers }, warnings))
+    }
+
+    /// Solves the RVEs of models for which `make` returns a solver in batches, many at once; what the solver leaves is
+    /// solved as without it.
+    ///
+    /// # Errors
+    /// Returns the error of `make`.
+    pub fn solve_in_batches<E>(
+        &mut self,
+        mut make: impl FnMut(&RveModel<B>) -> Result<Option<Box<dyn BatchSolver>>, E>,
+    ) -> Result<(), E> {
+        for (model, solver) in self.models.iter().zip(&mut self.batch_solvers) {
+            *solver = make(model)?.map(Mutex::new);
+        }
+        Ok(())
+    }
+
+    /// Returns the solver of the batches of a model.
+    pub(super) fn batch_solver(&self, model: usize) -> Option<MutexGuard<'_, Box<dyn BatchSolver>>> {
+        // A solver whose call panicked writes all its memory anew.
+        self.batch_solvers[model].as_ref().map(|solver| solver.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// Whether RVEs keep the sensitivities that predict the start of the next solve.
+    pub fn predicts(&self) -> bool {
+        self.predict
     }
 
     /// Returns the models in use: networks, each with its law and scale.

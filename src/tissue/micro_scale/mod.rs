@@ -6,6 +6,7 @@
 //! | `library` | the data that all RVEs share: the materials and their networks, each read once |
 //! | `unit`, `worker` | one RVE; the scratch memory of one thread |
 //! | `units` | the RVEs of one rank, solved on its threads |
+//! | `batches` | the RVEs that another processor solves, all of one model at once |
 //! | `sites` | the material of each point: a formula, an RVE, or the substitute of an RVE that is not awake |
 //! | `activity` | what the threads are doing, for a report of progress |
 //! | `processor_time` | the time that a thread computes |
@@ -18,6 +19,7 @@
 //! | this one | the body in one process ([`TissueField`]), and the interface to a run ([`TissueMaterial`]) |
 
 mod activity;
+mod batches;
 mod costs;
 mod error;
 mod library;
@@ -42,6 +44,8 @@ use nalgebra::Matrix3;
 
 use crate::fem::mesh::Mesh;
 use crate::fem::point_field::{PointField, PointResponses};
+use crate::fiber::batch::BatchSolver;
+use crate::fiber::rve::RveModel;
 use crate::las::{Backend, RealBackend};
 use crate::tissue::materials::Materials;
 use crate::tissue::two_scale::{BalanceReport, RankTimes};
@@ -175,6 +179,17 @@ impl<B: RealBackend> TissueField<B> {
         let mut field = Self { sites, units: Units::new(library), unit_of: HashMap::new() };
         field.create_existing();
         Ok((field, warnings))
+    }
+
+    /// Solves the RVEs of models for which `make` returns a solver in batches; see [`Library::solve_in_batches`].
+    ///
+    /// # Errors
+    /// Returns the error of `make`.
+    pub fn solve_in_batches<E>(
+        &mut self,
+        make: impl FnMut(&RveModel<B>) -> Result<Option<Box<dyn BatchSolver>>, E>,
+    ) -> Result<(), E> {
+        self.units.library.solve_in_batches(make)
     }
 
     /// Keeps what each RVE costs, for [`TissueMaterial::take_costs`].

@@ -86,6 +86,9 @@ pub enum UnitError<F: std::error::Error + 'static> {
 pub struct RveStats {
     /// Equilibrium solves, including those that failed.
     pub solves: usize,
+    /// Those of them that another processor solved, many at once.
+    #[serde(default)]
+    pub in_batches: usize,
     /// Responses reused because the gradient had not changed.
     pub reused: usize,
     /// Newton iterations in total.
@@ -122,6 +125,7 @@ impl RveStats {
     pub fn merge(self, other: Self) -> Self {
         Self {
             solves: self.solves + other.solves,
+            in_batches: self.in_batches + other.in_batches,
             reused: self.reused + other.reused,
             iterations: self.iterations + other.iterations,
             most_iterations: self.most_iterations.max(other.most_iterations),

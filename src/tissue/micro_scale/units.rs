@@ -9,6 +9,7 @@ use nalgebra::Matrix3;
 use rayon::prelude::*;
 
 use super::activity::Activity;
+use super::batches::Done;
 use super::costs::{KeptCosts, RveCost};
 use super::error::PointFailure;
 use super::library::Library;
@@ -30,10 +31,10 @@ use crate::tissue::replay::RveDump;
 /// They are solved on all threads of the current rayon pool. Every RVE starts from its own last equilibrium and writes
 /// its own response, so results do not depend on the number of threads or on the thread that solves an RVE.
 pub(in crate::tissue) struct Units<B: Backend> {
-    library: Library<B>,
-    units: Vec<Unit>,
+    pub(super) library: Library<B>,
+    pub(super) units: Vec<Unit>,
     /// The point of every unit.
-    points: Vec<usize>,
+    pub(super) points: Vec<usize>,
     /// What every unit cost in the last sweep over all units, and before.
     costs: Vec<Cost>,
     histories: Vec<CostHistory>,
@@ -230,7 +231,8 @@ impl<B: RealBackend> Units<B> {
         &mut self,
         gradient: impl Fn(usize, usize) -> Option<Matrix3<f64>> + Sync,
     ) -> Result<(), PointFailure> {
-        let solved = self.for_each_unit(gradient, |unit, gradient, library, worker, stats| {
+        let done = self.solve_batches(&gradient).inspect_err(|_| self.revert())?;
+        let solved = self.for_each_unit(gradient, done, |unit, gradient, library, worker, stats| {
             unit.respond(gradient, library, worker, stats).map(|_| false)
         });
         solved.map(drop)
@@ -246,14 +248,16 @@ impl<B: RealBackend> Units<B> {
         &mut self,
         gradient: impl Fn(usize, usize) -> Option<Matrix3<f64>> + Sync,
     ) -> Result<Vec<usize>, PointFailure> {
-        self.for_each_unit(gradient, Unit::verify)
+        let done = self.verify_batches(&gradient).inspect_err(|_| self.revert())?;
+        self.for_each_unit(gradient, done, Unit::verify)
     }
 
-    /// Applies `action` to every unit that has a gradient, on all threads; returns the indices of the units for which
-    /// it returned true, ascending.
+    /// Applies `action` to every unit that has a gradient and is not in `done`, on all threads; returns the indices of the
+    /// units for which it returned true, ascending.
     fn for_each_unit(
         &mut self,
         gradient: impl Fn(usize, usize) -> Option<Matrix3<f64>> + Sync,
+        done: Done,
         action: impl Fn(
             &mut Unit,
             &Matrix3<f64>,
@@ -273,6 +277,10 @@ impl<B: RealBackend> Units<B> {
         let lowest = AtomicUsize::new(usize::MAX);
         let outcomes = parallel::take_in_turn(in_order, |(number, unit): (usize, &mut Unit)| {
             let (mut stats, point) = (RveStats::default(), points[number]);
+            if let Some((stats, increment)) = done[number] {
+                activity.skip();
+                return (stats, increment, Ok(false));
+            }
             // One failure is enough: an RVE without an equilibrium takes long to fail.
             if point > lowest.load(Ordering::Relaxed) {
                 return (stats, 0.0, Ok(false));

@@ -90,6 +90,7 @@ fn every_entry_is_read() {
             stages: Stages::of(&[Stage::Newton, Stage::Cuts]),
             predictor: false,
             solver: Method::Iterative(gmres),
+            device: None,
         }
     );
     assert_eq!(case.scales, ScalesCase { micro_ranks: 3, near: true, ..ScalesCase::default() });
@@ -127,7 +128,8 @@ fn defaults_fill_in() {
             max_cuts: 6,
             stages: Stages::default(),
             predictor: true,
-            solver: Method::Direct
+            solver: Method::Direct,
+            device: None,
         }
     );
     assert_eq!(case.scales, ScalesCase::default());

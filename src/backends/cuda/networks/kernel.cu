@@ -37,8 +37,8 @@ DEVICE double multiply(double a, double b) { return __dmul_rn(a, b); }
 // The factor is computed in tiles of COLUMNS block columns, ROWS block rows at a time, whose sums are in registers; the
 // schedule is made for these numbers.
 #ifndef ROWS
-#define COLUMNS 2
-#define ROWS 3
+#define COLUMNS 3
+#define ROWS 2
 #endif
 #define INNER (COLUMNS * (COLUMNS - 1) / 2)
 // The index that denotes no block, no edge.
@@ -261,6 +261,7 @@ DEVICE double energy_of(const double *law, double stretch) {
         double sum = 0.0, width = strain / panels;
         for (int panel = 0; panel < panels; panel++) {
             double middle = width * (panel + 0.5), half = 0.5 * width;
+#pragma unroll
             for (int k = 0; k < 4; k++) {
                 double low = middle - half * points[k], high = middle + half * points[k];
                 sum += half * weights[k] * (expm1(0.5 * b * low * (low + 2.0)) + expm1(0.5 * b * high * (high + 2.0)));
@@ -733,34 +734,50 @@ DEVICE void modes_of(const Uniform &u, const Lane &lane, u32 node, const double 
     }
 }
 
+// The place of a product of two strains among those of `products`, k <= l.
+DEVICE constexpr int of_strains(int k, int l) { return l * (l + 1) / 2 + k; }
+#define STRAIN_PRODUCTS (MODES * (MODES + 1) / 2)
+
 // Writes the products of the force sensitivities with the sensitivities of the six strains and three rotations; returns
-// the norm of the force sensitivities at interior nodes over that at all nodes.
+// the norm of the force sensitivities at interior nodes over that at all nodes. Those of strains with strains are
+// symmetric like the stiffness. They are computed once, because the registers for all of them leave too few for loads
+// that wait for memory at the same time.
 DEVICE double products(const Uniform &u, const Lane &lane, double *result) {
-    double form[9][MODES], all = 0.0, interior = 0.0;
+    double strains[STRAIN_PRODUCTS], spins[3][MODES], all = 0.0, interior = 0.0;
 #pragma unroll
-    for (int k = 0; k < 9; k++)
+    for (int k = 0; k < STRAIN_PRODUCTS; k++) strains[k] = 0.0;
 #pragma unroll
-        for (int l = 0; l < MODES; l++) form[k][l] = 0.0;
+    for (int w = 0; w < 3; w++)
+#pragma unroll
+        for (int l = 0; l < MODES; l++) spins[w][l] = 0.0;
     for (u32 node = 0; node < u.nodes; node++) {
-        double x[3], v[3 * MODES], q[3 * MODES];
+        // The sum over the fibers of K (v - w) is their stiffness times v minus the sum of K w: v takes no registers while
+        // the fibers are visited.
+        double x[3], v[3 * MODES], q[3 * MODES], stiffness[6] = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0};
         position_of(u, lane, node, x);
-        modes_of(u, lane, node, x, v);
 #pragma unroll
         for (int i = 0; i < 3 * MODES; i++) q[i] = 0.0;
         for (u32 k = u.incident_start[node]; k < u.incident_start[node + 1]; k++) {
             const u32 *incident = u.incident + INCIDENT_LEN * k;
             double far[3], w[3 * MODES], block[6];
             position_of(u, lane, incident[1], far);
-            block_of(fiber_of(u, incident[0], x, far), block);
             modes_of(u, lane, incident[1], far, w);
+            block_of(fiber_of(u, incident[0], x, far), block);
+#pragma unroll
+            for (int i = 0; i < 6; i++) stiffness[i] += block[i];
 #pragma unroll
             for (int mode = 0; mode < MODES; mode++) {
-                double d[3], p[3];
-#pragma unroll
-                for (int i = 0; i < 3; i++) d[i] = v[3 * mode + i] - w[3 * mode + i];
-                multiply_fiber(block, d, p);
-                q[3 * mode] += p[0], q[3 * mode + 1] += p[1], q[3 * mode + 2] += p[2];
+                double p[3];
+                multiply_fiber(block, w + 3 * mode, p);
+                q[3 * mode] -= p[0], q[3 * mode + 1] -= p[1], q[3 * mode + 2] -= p[2];
             }
+        }
+        modes_of(u, lane, node, x, v);
+#pragma unroll
+        for (int mode = 0; mode < MODES; mode++) {
+            double p[3];
+            multiply_fiber(stiffness, v + 3 * mode, p);
+            q[3 * mode] += p[0], q[3 * mode + 1] += p[1], q[3 * mode + 2] += p[2];
         }
         double square = 0.0;
 #pragma unroll
@@ -770,20 +787,24 @@ DEVICE double products(const Uniform &u, const Lane &lane, double *result) {
 #pragma unroll
         for (int l = 0; l < MODES; l++) {
 #pragma unroll
-            for (int k = 0; k < MODES; k++)
-                form[k][l] += v[3 * k] * q[3 * l] + v[3 * k + 1] * q[3 * l + 1] + v[3 * k + 2] * q[3 * l + 2];
+            for (int k = 0; k <= l; k++)
+                strains[of_strains(k, l)] += v[3 * k] * q[3 * l] + v[3 * k + 1] * q[3 * l + 1] + v[3 * k + 2] * q[3 * l + 2];
 #pragma unroll
             for (int w = 0; w < 3; w++) {
                 double turned[3];
                 spin(w, x, turned);
-                form[MODES + w][l] += turned[0] * q[3 * l] + turned[1] * q[3 * l + 1] + turned[2] * q[3 * l + 2];
+                spins[w][l] += turned[0] * q[3 * l] + turned[1] * q[3 * l + 1] + turned[2] * q[3 * l + 2];
             }
         }
     }
 #pragma unroll
-    for (int k = 0; k < 9; k++)
+    for (int l = 0; l < MODES; l++) {
 #pragma unroll
-        for (int l = 0; l < MODES; l++) result[(FORM + MODES * k + l) * LANES] = form[k][l];
+        for (int k = 0; k < MODES; k++)
+            result[(FORM + MODES * k + l) * LANES] = strains[k < l ? of_strains(k, l) : of_strains(l, k)];
+#pragma unroll
+        for (int w = 0; w < 3; w++) result[(FORM + MODES * (MODES + w) + l) * LANES] = spins[w][l];
+    }
     return all > 0.0 ? sqrt(interior / all) : 0.0;
 }
 

@@ -172,16 +172,14 @@ impl NetworkBatch {
     /// # Panics
     /// Panics if the lists of the network have different lengths, or if a fiber has a node or a law that does not exist.
     pub fn new(device: &Device, network: &NetworkData, keeps_sensitivities: bool) -> Result<Self, CudaError> {
-        let shape = tile_shape();
-        Self::on(Queue::on(device, shape)?, shape, network, keeps_sensitivities)
+        Self::on(Queue::on(device, TILE)?, network, keeps_sensitivities)
     }
 
     /// Makes an empty batch whose kernels run on the processor; `None` without a C++ compiler.
     #[cfg(test)]
     pub(crate) fn emulated(network: &NetworkData, keeps_sensitivities: bool) -> Option<Self> {
-        let shape = tile_shape();
-        let queue = Queue::Emulated(Arc::new(emulation::Emulation::new(shape)?));
-        Some(Self::on(queue, shape, network, keeps_sensitivities).unwrap())
+        let queue = Queue::Emulated(Arc::new(emulation::Emulation::new(TILE)?));
+        Some(Self::on(queue, network, keeps_sensitivities).unwrap())
     }
 
     fn on(queue: Queue, shape: TileShape, network: &NetworkData, keeps_sensitivities: bool) -> Result<Self, CudaError> {
@@ -548,12 +546,9 @@ impl std::fmt::Debug for NetworkBatch {
     }
 }
 
-/// The tiles of the factorization.
-fn tile_shape() -> TileShape {
-    let shape = std::env::var("TILE").unwrap_or_else(|_| "2x3".into());
-    let (columns, rows) = shape.split_once('x').unwrap();
-    TileShape { columns: columns.parse().unwrap(), rows: rows.parse().unwrap() }
-}
+/// The tiles of the factorization. Of the shapes whose sums fit into the registers, this one was the fastest on an H200;
+/// `docs/cuda.md` has the measurements.
+const TILE: TileShape = TileShape { columns: 3, rows: 2 };
 
 /// A network with its nodes in the order of elimination.
 struct Plan {

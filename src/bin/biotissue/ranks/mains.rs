@@ -6,6 +6,7 @@ use biotissue::app::case::Case;
 use biotissue::app::macro_scale;
 use biotissue::app::material_fields;
 use biotissue::app::run::{BodyRanks, RootWriter, Setup, WriterGroup};
+use biotissue::app::rve_device;
 use biotissue::backends::BackendName;
 use biotissue::coupling::{ScaleError, Scales};
 use biotissue::las::Comm;
@@ -76,8 +77,16 @@ impl<C: Ranks> Job for MicroRank<'_, C> {
     fn run<B: ProgramBackend>(self, _: B::Context) -> Result<Self::Output, Failure> {
         let Self { world, scales, run } = self;
         // The macro scale reads the same files and reports their errors.
-        let read = materials(&run.case)
-            .and_then(|materials| Library::<B::Micro>::read((), materials).map_err(|error| ranks_failed(&error)));
+        let read = materials(&run.case).and_then(|materials| {
+            let device = materials.rve.device;
+            let (mut library, warnings) =
+                Library::<B::Micro>::read((), materials).map_err(|error| ranks_failed(&error))?;
+            let predicts = library.predicts();
+            library
+                .solve_in_batches(|model| rve_device::batch_solver(device, scales.comm().rank(), model, predicts))
+                .map_err(|error| ranks_failed(&error))?;
+            Ok((library, warnings))
+        });
         if let Ok((library, _)) = agreed(world, read)? {
             let case = &run.case;
             let output = MicroOutput { networks: case.output.rve.clone(), costs: case.output.costs };

@@ -1,0 +1,120 @@
+//! Fields whose RVEs are solved in batches, by kernels that run on the processor, against fields without.
+
+use std::path::Path;
+
+use nalgebra::Matrix3;
+
+use crate::backends::sparse::Sparse;
+use crate::device::RveBatch;
+use crate::fem::mesh::shapes::cuboid;
+use crate::fem::point_field::{PointField, PointResponses};
+use crate::fiber::batch::{BatchEquilibrium, BatchSolver};
+use crate::fiber::equilibrium::EquilibriumParams;
+use crate::fiber::rve::{Rve, StressScale};
+use crate::las::conformance::Random;
+use crate::tissue::materials::{
+    FiberRve, Materials, NetworkAssignment, Region, RegionMaterial, RveLifecycle, RveParams,
+};
+use crate::tissue::micro_scale::{TissueField, TissueFieldError, TissueMaterial};
+
+const ELEMENTS: usize = 48;
+
+/// Returns the material of a body with a network in each of its elements.
+fn field(predictor: bool) -> TissueField<Sparse> {
+    let network = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/networks/frozen.txt");
+    let rve = FiberRve {
+        networks: vec![network],
+        assignment: NetworkAssignment::Cycle,
+        seed: 0,
+        scale: StressScale::Raw,
+        law: None,
+        matrix: None,
+        lifecycle: RveLifecycle::default(),
+    };
+    let region = Region { name: "*".into(), material: RegionMaterial::FiberRve(rve) };
+    let materials = Materials { regions: vec![region], rve: RveParams { predictor, ..RveParams::default() } };
+    TissueField::new((), materials, &cuboid([2, 2, 2], [1.0; 3]).unwrap()).unwrap().0
+}
+
+fn responses(out: &PointResponses) -> Vec<f64> {
+    out.pk1.iter().flat_map(|pk1| pk1.as_slice().to_vec()).collect()
+}
+
+fn gradients(size: f64, seed: u64) -> Vec<Matrix3<f64>> {
+    let mut random = Random::new(seed);
+    (0..ELEMENTS).map(|_| Matrix3::identity() + Matrix3::from_fn(|_, _| size * random.signed())).collect()
+}
+
+#[test]
+fn fields_with_batches_agree_with_those_without_through_load_steps() {
+    for predictor in [false, true] {
+        let (mut alone, mut batched) = (field(predictor), field(predictor));
+        let mut has_compiler = true;
+        batched
+            .solve_in_batches(|model| {
+                let batch = RveBatch::emulated(model, predictor);
+                has_compiler &= batch.is_some();
+                Ok::<_, ()>(batch.map(|batch| Box::new(batch) as Box<dyn BatchSolver>))
+            })
+            .unwrap();
+        if !has_compiler {
+            println!("skipped: there is no C++ compiler");
+            return;
+        }
+        let (mut of_alone, mut of_batched) = (PointResponses::default(), PointResponses::default());
+        for (step, is_kept) in [true, false, true, true].into_iter().enumerate() {
+            for iteration in 0..3 {
+                let targets = gradients(0.02 * (step as f64 + 1.0), 7 * step as u64 + iteration);
+                alone.update(&targets, &mut of_alone).unwrap();
+                batched.update(&targets, &mut of_batched).unwrap();
+                let (found, expected) = (responses(&of_batched), responses(&of_alone));
+                let size = expected.iter().fold(0.0_f64, |size, x| size.max(x.abs()));
+                for (found, expected) in found.iter().zip(&expected) {
+                    assert!((found - expected).abs() <= 1e-9 * size, "{found:e} instead of {expected:e}");
+                }
+            }
+            let converged = gradients(0.02 * (step as f64 + 1.0), 7 * step as u64 + 2);
+            let replaced = alone.verify(&converged, &mut of_alone).unwrap();
+            assert_eq!(batched.verify(&converged, &mut of_batched).unwrap(), replaced);
+            let (found, expected) = (batched.take_stats(), alone.take_stats());
+            assert_eq!((found.solves, found.iterations), (expected.solves, expected.iterations));
+            assert_eq!((found.verified, found.replaced), (expected.verified, expected.replaced));
+            assert_eq!((found.predicted, found.reused), (expected.predicted, expected.reused));
+            assert!(found.in_batches > ELEMENTS && expected.in_batches == 0, "{}", found.in_batches);
+            for field in [&mut alone, &mut batched] {
+                if is_kept { field.commit().unwrap() } else { field.revert().unwrap() }
+            }
+        }
+    }
+}
+
+/// A solver whose device fails.
+struct Broken;
+
+impl BatchSolver for Broken {
+    fn solve(
+        &mut self,
+        _: &mut [&mut Rve],
+        _: &[Matrix3<f64>],
+        _: &EquilibriumParams,
+    ) -> Result<Vec<Option<BatchEquilibrium>>, String> {
+        Err("the device fell off the bus".into())
+    }
+
+    fn converge_to(&mut self, _: &[&Rve], _: &[&Rve], _: &EquilibriumParams) -> Result<Vec<bool>, String> {
+        Err("the device fell off the bus".into())
+    }
+}
+
+#[test]
+fn the_failure_of_a_device_ends_the_update_and_reverts_it() {
+    let mut field = field(true);
+    field.update(&gradients(0.01, 1), &mut PointResponses::default()).unwrap();
+    field.commit().unwrap();
+    field.solve_in_batches(|_| Ok::<_, ()>(Some(Box::new(Broken) as Box<dyn BatchSolver>))).unwrap();
+    let outcome = field.update(&gradients(0.02, 2), &mut PointResponses::default());
+    let Err(TissueFieldError::Point(failure)) = outcome else { panic!("{outcome:?}") };
+    assert_eq!(failure.reason, "the device fell off the bus");
+    field.solve_in_batches(|_| Ok::<_, ()>(None)).unwrap();
+    field.update(&gradients(0.02, 2), &mut PointResponses::default()).unwrap();
+}
