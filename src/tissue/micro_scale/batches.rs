@@ -12,6 +12,7 @@ use nalgebra::Matrix3;
 use rayon::prelude::*;
 
 use super::error::{PointFailure, PointFailureKind};
+use super::library::Library;
 use super::unit::{Origin, RveStats, Unit};
 use super::units::Units;
 use crate::fem::material::Response;
@@ -30,41 +31,30 @@ impl<B: RealBackend> Units<B> {
         &mut self,
         gradient: &(impl Fn(usize, usize) -> Option<Matrix3<f64>> + Sync),
     ) -> Result<Done, PointFailure> {
-        let mut done: Done = vec![None; self.units.len()];
-        for model in 0..self.library.models.len() {
-            let (library, points, units) = (&self.library, &self.points, &mut self.units);
-            let Some(mut solver) = library.batch_solver(model) else { continue };
-            let is_new = |unit: &Unit, target: &Matrix3<f64>| unit.response.is_none_or(|(last, _)| last != *target);
-            let (mut chosen, mut targets) = (Vec::new(), Vec::new());
-            for (number, unit) in units.iter_mut().enumerate() {
-                if unit.fibers.as_ref().is_some_and(|fibers| fibers.model == model)
-                    && let Some(target) = gradient(number, points[number]).filter(|target| is_new(unit, target))
-                {
-                    chosen.push((number, unit));
-                    targets.push(target);
-                }
-            }
-            if chosen.is_empty() {
-                continue;
-            }
-            let predicted: Vec<bool> = chosen.iter().map(|(_, unit)| has_sensitivities(unit)).collect();
+        let Self { library, points, units, .. } = self;
+        let target_of = |number: usize, unit: &Unit| {
+            let target = gradient(number, points[number])?;
+            unit.response.is_none_or(|(last, _)| last != target).then_some(target)
+        };
+        for_each_model(library, units, target_of, |model, mut chosen| {
+            let Some(mut solver) = library.batch_solver(model) else { return Ok(Vec::new()) };
+            let targets: Vec<Matrix3<f64>> = chosen.iter().map(|chosen| chosen.target).collect();
+            let predicted: Vec<bool> = chosen.iter().map(|chosen| has_sensitivities(chosen.unit)).collect();
             let start = Instant::now();
             let mut rves: Vec<&mut Rve> = chosen
                 .iter_mut()
-                .filter_map(|(_, unit)| unit.fibers.as_mut().map(|fibers| &mut fibers.current))
+                .filter_map(|chosen| chosen.unit.fibers.as_mut().map(|fibers| &mut fibers.current))
                 .collect();
             let solved = solver.solve(&mut rves, &targets, &library.params);
             let seconds = start.elapsed().as_secs_f64() / chosen.len() as f64;
-            let solved = solved.map_err(|reason| device_failure(chosen[0].1, reason))?;
-            let inputs = chosen.into_par_iter().zip(targets).zip(predicted).zip(solved);
-            let accepted: Vec<_> = inputs
-                .map(|((((number, unit), target), predicted), equilibrium)| {
+            let solved = solved.map_err(|reason| device_failure(chosen[0].unit, reason))?;
+            let accepted =
+                chosen.into_par_iter().zip(predicted).zip(solved).map(|((chosen, predicted), equilibrium)| {
+                    let Chosen { number, unit, target } = chosen;
                     Some((number, accept(unit, &target, predicted, &equilibrium?, seconds)?))
-                })
-                .collect();
-            accepted.into_iter().flatten().for_each(|(number, counted)| done[number] = Some(counted));
-        }
-        Ok(done)
+                });
+            Ok(accepted.collect::<Vec<_>>().into_iter().flatten().collect())
+        })
     }
 
     /// Verifies the equilibria of RVEs, those of each model with a solver for batches at once.
@@ -72,39 +62,68 @@ impl<B: RealBackend> Units<B> {
         &mut self,
         gradient: &(impl Fn(usize, usize) -> Option<Matrix3<f64>> + Sync),
     ) -> Result<Done, PointFailure> {
-        let mut done: Done = vec![None; self.units.len()];
-        for model in 0..self.library.models.len() {
-            let (library, points, units) = (&self.library, &self.points, &mut self.units);
-            let Some(mut solver) = library.batch_solver(model) else { continue };
-            let is_open = |unit: &Unit| {
-                unit.fibers.as_ref().is_some_and(|fibers| fibers.model == model && fibers.origin == Origin::Trial)
-            };
-            let mut chosen: Vec<(usize, &mut Unit)> = units
-                .iter_mut()
-                .enumerate()
-                .filter(|(number, unit)| is_open(unit) && gradient(*number, points[*number]).is_some())
-                .collect();
-            if chosen.is_empty() {
-                continue;
-            }
+        let Self { library, points, units, .. } = self;
+        let target_of = |number: usize, unit: &Unit| {
+            let is_open = unit.fibers.as_ref().is_some_and(|fibers| fibers.origin == Origin::Trial);
+            if is_open { gradient(number, points[number]) } else { None }
+        };
+        for_each_model(library, units, target_of, |model, mut chosen| {
+            let Some(mut solver) = library.batch_solver(model) else { return Ok(Vec::new()) };
             let start = Instant::now();
-            let states: Vec<(&Rve, &Rve)> = chosen
+            let states = chosen
                 .iter()
-                .filter_map(|(_, unit)| unit.fibers.as_ref().map(|fibers| (&fibers.committed, &fibers.current)))
-                .collect();
-            let (from, reached): (Vec<&Rve>, Vec<&Rve>) = states.into_iter().unzip();
+                .filter_map(|chosen| chosen.unit.fibers.as_ref().map(|fibers| (&fibers.committed, &fibers.current)));
+            let (from, reached): (Vec<&Rve>, Vec<&Rve>) = states.unzip();
             let leads = solver.converge_to(&from, &reached, &library.params);
             let seconds = start.elapsed().as_secs_f64() / chosen.len() as f64;
-            let leads = leads.map_err(|reason| device_failure(chosen[0].1, reason))?;
-            for ((number, unit), _) in chosen.iter_mut().zip(leads).filter(|(_, leads)| *leads) {
-                if let Some(fibers) = &mut unit.fibers {
+            let leads = leads.map_err(|reason| device_failure(chosen[0].unit, reason))?;
+            let mut verified = Vec::new();
+            for (chosen, _) in chosen.iter_mut().zip(leads).filter(|(_, leads)| *leads) {
+                if let Some(fibers) = &mut chosen.unit.fibers {
                     fibers.origin = Origin::Branch;
                 }
-                done[*number] = Some((RveStats { verified: 1, seconds, ..RveStats::default() }, 0.0));
+                let stats = RveStats { verified: 1, seconds, ..RveStats::default() };
+                verified.push((chosen.number, (stats, 0.0)));
             }
-        }
-        Ok(done)
+            Ok(verified)
+        })
     }
+}
+
+/// A unit that a batch takes, with its index and the deformation gradient to reach.
+struct Chosen<'a> {
+    number: usize,
+    unit: &'a mut Unit,
+    target: Matrix3<f64>,
+}
+
+/// What a batch did: the indices of units, with their counters and the changes of their gradients.
+type Outcome = Result<Vec<(usize, (RveStats, f64))>, PointFailure>;
+
+/// Applies `solve` to the units of each model with a solver for batches, all models side by side, so that small batches
+/// fill the device together. `target_of` returns the gradient of a unit that takes part.
+fn for_each_model<B: RealBackend>(
+    library: &Library<B>,
+    units: &mut [Unit],
+    target_of: impl Fn(usize, &Unit) -> Option<Matrix3<f64>>,
+    solve: impl Fn(usize, Vec<Chosen<'_>>) -> Outcome + Sync,
+) -> Result<Done, PointFailure> {
+    let mut done: Done = vec![None; units.len()];
+    let mut by_model: Vec<Vec<Chosen<'_>>> = library.models.iter().map(|_| Vec::new()).collect();
+    for (number, unit) in units.iter_mut().enumerate() {
+        let Some(model) = unit.fibers.as_ref().map(|fibers| fibers.model) else { continue };
+        if library.has_batch_solver(model)
+            && let Some(target) = target_of(number, unit)
+        {
+            by_model[model].push(Chosen { number, unit, target });
+        }
+    }
+    let batches: Vec<_> = by_model.into_iter().enumerate().filter(|(_, chosen)| !chosen.is_empty()).collect();
+    let outcomes: Vec<Outcome> = batches.into_par_iter().map(|(model, chosen)| solve(model, chosen)).collect();
+    for outcome in outcomes {
+        outcome?.into_iter().for_each(|(number, counted)| done[number] = Some(counted));
+    }
+    Ok(done)
 }
 
 fn has_sensitivities(unit: &Unit) -> bool {

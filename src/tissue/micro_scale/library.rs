@@ -120,6 +120,11 @@ impl<B: RealBackend> Library<B> {
         self.batch_solvers[model].as_ref().map(|solver| solver.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
+    /// Returns true if batches of the RVEs of a model have a solver.
+    pub(super) fn has_batch_solver(&self, model: usize) -> bool {
+        self.batch_solvers[model].is_some()
+    }
+
     /// Whether RVEs keep the sensitivities that predict the start of the next solve.
     pub fn predicts(&self) -> bool {
         self.predict

@@ -182,8 +182,8 @@ impl NetworkBatch {
         Some(Self::on(queue, network, keeps_sensitivities).unwrap())
     }
 
-    fn on(queue: Queue, shape: TileShape, network: &NetworkData, keeps_sensitivities: bool) -> Result<Self, CudaError> {
-        let plan = Plan::new(network, shape);
+    fn on(queue: Queue, network: &NetworkData, keeps_sensitivities: bool) -> Result<Self, CudaError> {
+        let plan = Plan::new(network, TILE);
         let mut indices = Vec::new();
         let mut numbers = Vec::new();
         let mut index = |values: &[u32]| -> Result<u64, CudaError> {
