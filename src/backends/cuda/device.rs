@@ -1,18 +1,21 @@
 //! A device: its context, its stream, and the kernels compiled for it.
 
 use std::fmt;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use cudarc::driver::{CudaContext, CudaModule, CudaStream};
 use cudarc::nvrtc::{CompileError, CompileOptions, Ptx, compile_ptx_with_opts};
 
 use super::CudaError;
+use super::algebra::Algebra;
 
 /// A CUDA device with the stream on which this crate works. Clones share both.
 #[derive(Clone)]
 pub struct Device {
     stream: Arc<CudaStream>,
     architecture: Architecture,
+    /// The kernels and libraries of linear algebra, loaded on first use.
+    algebra: Arc<OnceLock<Algebra>>,
 }
 
 /// The compute capability of a device, for example 9.0.
@@ -91,8 +94,10 @@ impl Device {
         }
         let context = CudaContext::new(ordinal).map_err(CudaError::of("open the device"))?;
         let (major, minor) = context.compute_capability().map_err(CudaError::of("read the compute capability"))?;
+        // SAFETY: all work of a `Device` is on its one stream, which executes it in order.
+        unsafe { context.disable_event_tracking() };
         let stream = context.new_stream().map_err(CudaError::of("create a stream"))?;
-        Ok(Self { stream, architecture: Architecture { major, minor } })
+        Ok(Self { stream, architecture: Architecture { major, minor }, algebra: Arc::default() })
     }
 
     /// The name of the device, for example `NVIDIA H200`.
@@ -125,6 +130,20 @@ impl Device {
 
     pub(crate) fn stream(&self) -> &Arc<CudaStream> {
         &self.stream
+    }
+
+    /// The kernels and libraries of linear algebra.
+    pub(super) fn algebra(&self) -> Result<&Algebra, CudaError> {
+        if let Some(algebra) = self.algebra.get() {
+            return Ok(algebra);
+        }
+        let algebra = Algebra::load(self)?;
+        Ok(self.algebra.get_or_init(|| algebra))
+    }
+
+    /// Returns true if both work on the same stream.
+    pub(super) fn is_same(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.stream, &other.stream)
     }
 
     /// Compiles kernels for this device and loads them.
