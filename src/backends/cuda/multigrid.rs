@@ -186,8 +186,20 @@ impl Level {
         let (alpha, beta) = steps[step];
         let launch = per_row(*rows as usize);
         launch!(
-            device, &kernels.step, launch, &*rows, &*offsets, &*columns, &*values, &*inverse, &alpha, &beta, &*b, &*x,
-            &mut *change, &mut *work
+            device,
+            &kernels.step,
+            launch,
+            &*rows,
+            &*offsets,
+            &*columns,
+            &*values,
+            &*inverse,
+            &alpha,
+            &beta,
+            &*b,
+            &*x,
+            &mut *change,
+            &mut *work
         )?;
         std::mem::swap(x, work);
         Ok(())
@@ -197,9 +209,7 @@ impl Level {
     fn restrict(&mut self, device: &Device, coarse: &mut CudaSlice<f32>) -> Result<(), CudaError> {
         let Self { a, restriction: r, b, x, work, kernels, .. } = self;
         let launch = a.launch();
-        launch!(
-            device, &kernels.residual, launch, &a.rows, &a.offsets, &a.columns, &a.values, &*x, &*b, &mut *work
-        )?;
+        launch!(device, &kernels.residual, launch, &a.rows, &a.offsets, &a.columns, &a.values, &*x, &*b, &mut *work)?;
         launch!(device, &kernels.restrict, r.launch(), &r.rows, &r.offsets, &r.columns, &r.values, &*work, coarse)
     }
 

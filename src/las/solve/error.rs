@@ -152,7 +152,9 @@ impl<F> SolveError<F> {
             Self::UnsymmetricPattern { row, column } => SolveError::UnsymmetricPattern { row, column },
             Self::NotFactored => SolveError::NotFactored,
             Self::Singular { unknown, ratio, limit } => SolveError::Singular { unknown, ratio, limit },
-            Self::SingularBorder { constraint, ratio, limit } => SolveError::SingularBorder { constraint, ratio, limit },
+            Self::SingularBorder { constraint, ratio, limit } => {
+                SolveError::SingularBorder { constraint, ratio, limit }
+            }
             Self::Indefinite { unknown } => SolveError::Indefinite { unknown },
             Self::NotFinite { row } => SolveError::NotFinite { row },
             Self::RhsNotFinite => SolveError::RhsNotFinite,

@@ -70,11 +70,11 @@ use super::{Failure, Matrix, Vector};
 use crate::backends::checks::{check_pattern, check_size};
 use crate::las::{Scalar, SolveError, Sparsity, Symmetry};
 use crate::parallel;
+#[cfg(feature = "cuda")]
+pub(in crate::backends) use blocks::{BlockMatrix as Blocks, Entry};
 use blocks::{BlockMatrix, MOST, padded};
 use hierarchy::{Hierarchy, SetupError};
 use nodes::Nodes;
-#[cfg(feature = "cuda")]
-pub(in crate::backends) use blocks::{BlockMatrix as Blocks, Entry};
 #[cfg(feature = "cuda")]
 pub(in crate::backends) use parts::{LevelParts, Parts};
 pub(super) use precondition::preconditioner;
