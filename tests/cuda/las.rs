@@ -75,6 +75,7 @@ fn assert_near(found: &[f64], expected: &[f64], within: f64, what: &str) {
 }
 
 fn device_is_described(device: &Device) {
+    println!("       cuSPARSE: {}", device.has_cusparse().unwrap());
     let (free, total) = device.memory().unwrap();
     assert!(free > 0 && free <= total && Device::count().unwrap() > 0, "{free} of {total}");
     assert!(matches!(Device::open(1000), Err(CudaError::NoDevice { ordinal: 1000, .. })));

@@ -124,6 +124,14 @@ impl Device {
         self.stream.synchronize().map_err(CudaError::of("wait for the device"))
     }
 
+    /// Returns true if products of matrices and vectors use cuSPARSE, false if that library is not installed.
+    ///
+    /// # Errors
+    /// Returns the error of loading the kernels and libraries of linear algebra.
+    pub fn has_cusparse(&self) -> Result<bool, CudaError> {
+        Ok(self.algebra()?.library.is_some())
+    }
+
     pub(crate) fn context(&self) -> &Arc<CudaContext> {
         self.stream.context()
     }

@@ -114,11 +114,13 @@ impl Solver {
     fn solve_directly(&mut self, b: &[Vector], x: &mut [Vector]) -> Result<SolveReport, Failure> {
         check_columns(self.symbolic.pattern.rows(), b.iter().map(VectorOps::len), x.iter().map(VectorOps::len))?;
         let (Some(direct), true) = (&mut self.direct, self.is_direct) else { return Err(SolveError::NotFactored) };
-        let right = b.iter().map(Vector::take).collect::<Result<Vec<_>, CudaError>>()?;
-        let mut solution: Vec<_> = x.iter_mut().map(Vector::take_to_write).collect();
+        if let ([b], [x]) = (b, &mut *x) {
+            return direct.solve(b.on_host()?, x.overwrite_on_host()).map_err(of_host);
+        }
+        let right = b.iter().map(|b| Ok(b.on_host()?.clone())).collect::<Result<Vec<_>, CudaError>>()?;
+        let mut solution: Vec<_> = x.iter_mut().map(|x| std::mem::take(x.overwrite_on_host())).collect();
         let outcome = direct.solve_many(&right, &mut solution);
-        b.iter().zip(right).for_each(|(b, right)| b.put(right));
-        x.iter_mut().zip(solution).for_each(|(x, solution)| x.put(solution));
+        x.iter_mut().zip(solution).for_each(|(x, solution)| *x.overwrite_on_host() = solution);
         outcome.map_err(of_host)
     }
 }

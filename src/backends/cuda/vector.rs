@@ -1,6 +1,6 @@
 //! The vector: values on the host and on the device, copied when the other side needs them.
 
-use std::cell::{Cell, OnceCell, Ref, RefCell, RefMut};
+use std::cell::{Cell, OnceCell, Ref, RefCell, RefMut, UnsafeCell};
 
 use cudarc::driver::CudaSlice;
 
@@ -18,7 +18,9 @@ use crate::las::VectorOps;
 /// Vectors of one operation belong to the same [`Device`].
 pub struct Vector {
     device: Device,
-    host: RefCell<csr::Vector<f64>>,
+    /// Written only with exclusive access, or by `fetch` while it is out of date: then no reference to it exists, because
+    /// references end before the next operation that puts it out of date, which needs exclusive access.
+    host: UnsafeCell<csr::Vector<f64>>,
     values: OnceCell<RefCell<CudaSlice<f64>>>,
     /// Which copies are up to date; if none is, all entries are zero.
     is_on_host: Cell<bool>,
@@ -29,7 +31,7 @@ impl Vector {
     pub(super) fn zeros(device: &Device, len: usize) -> Self {
         Self {
             device: device.clone(),
-            host: RefCell::new(vec![0.0; len].into()),
+            host: UnsafeCell::new(vec![0.0; len].into()),
             values: OnceCell::new(),
             is_on_host: Cell::new(true),
             is_on_device: Cell::new(false),
@@ -43,11 +45,18 @@ impl Vector {
 
     /// Returns the entries on the host, up to date.
     #[inline(always)]
-    pub(super) fn on_host(&self) -> Result<Ref<'_, csr::Vector<f64>>, CudaError> {
+    pub(super) fn on_host(&self) -> Result<&csr::Vector<f64>, CudaError> {
         if !self.is_on_host.get() {
             self.fetch()?;
         }
-        Ok(self.host.borrow())
+        Ok(self.stored())
+    }
+
+    /// Returns the entries on the host, perhaps out of date.
+    #[inline(always)]
+    fn stored(&self) -> &csr::Vector<f64> {
+        // SAFETY: see `host`; a vector is not `Sync`, so that no other thread fetches.
+        unsafe { &*self.host.get() }
     }
 
     /// Returns the entries on the host, up to date, for modification.
@@ -60,28 +69,18 @@ impl Vector {
         Ok(self.host.get_mut())
     }
 
-    /// Takes the entries from the host; [`Vector::put`] must follow.
-    pub(super) fn take(&self) -> Result<csr::Vector<f64>, CudaError> {
-        drop(self.on_host()?);
-        Ok(self.host.take())
-    }
-
-    /// Takes the memory of the entries on the host, all of which the caller writes; [`Vector::put`] must follow.
-    pub(super) fn take_to_write(&mut self) -> csr::Vector<f64> {
+    /// Returns the memory of the entries on the host, all of which the caller writes.
+    pub(super) fn overwrite_on_host(&mut self) -> &mut csr::Vector<f64> {
         self.is_on_host.set(true);
         self.is_on_device.set(false);
-        self.host.take()
-    }
-
-    /// Puts entries that [`Vector::take`] or [`Vector::take_to_write`] returned back.
-    pub(super) fn put(&self, values: csr::Vector<f64>) {
-        self.host.replace(values);
+        self.host.get_mut()
     }
 
     #[cold]
     #[inline(never)]
     fn fetch(&self) -> Result<(), CudaError> {
-        let mut host = self.host.borrow_mut();
+        // SAFETY: see `host`: the entries are out of date.
+        let host = unsafe { &mut *self.host.get() };
         match self.values.get() {
             Some(values) if self.is_on_device.get() => fetch(&self.device, &values.borrow(), host.as_mut_slice())?,
             _ => local::zero(host.as_mut_slice()),
@@ -94,7 +93,7 @@ impl Vector {
         if let Some(values) = self.values.get() {
             return Ok(values);
         }
-        let values = RefCell::new(zeros(&self.device, self.host.borrow().as_slice().len())?);
+        let values = RefCell::new(zeros(&self.device, self.stored().as_slice().len())?);
         Ok(self.values.get_or_init(|| values))
     }
 
@@ -104,7 +103,7 @@ impl Vector {
         if !self.is_on_device.get() {
             let mut to = values.borrow_mut();
             if self.is_on_host.get() {
-                send(&self.device, self.host.borrow().as_slice(), &mut to)?;
+                send(&self.device, self.stored().as_slice(), &mut to)?;
             } else {
                 let zeroed = self.device.stream().memset_zeros(&mut *to);
                 zeroed.map_err(CudaError::of("set memory of the device to zero"))?;
@@ -139,7 +138,7 @@ impl Vector {
 impl VectorOps<Cuda> for Vector {
     #[inline(always)]
     fn len(&self) -> usize {
-        self.host.borrow().as_slice().len()
+        self.stored().as_slice().len()
     }
 
     #[inline(always)]
