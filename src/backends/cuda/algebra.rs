@@ -123,12 +123,15 @@ pub(super) fn sent<T: DeviceRepr + cudarc::driver::ValidAsZeroBits>(
     Ok(copy)
 }
 
-/// Copies values to memory of the device that was allocated for as many.
+/// Copies values to memory of the device that was allocated for as many, and waits until they can change: on some
+/// machines, the device reads them from the memory of the host.
 pub(super) fn send<T: DeviceRepr>(device: &Device, values: &[T], to: &mut CudaSlice<T>) -> Result<(), CudaError> {
     if values.is_empty() {
         return Ok(());
     }
-    device.stream().memcpy_htod(values, to).map_err(CudaError::of("send to the device"))
+    let stream = device.stream();
+    stream.memcpy_htod(values, to).map_err(CudaError::of("send to the device"))?;
+    stream.synchronize().map_err(CudaError::of("send to the device"))
 }
 
 /// Copies values from the device, and waits for them.
