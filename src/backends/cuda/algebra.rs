@@ -183,12 +183,12 @@ pub(super) use launch;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::backends::cuda::device::compile;
+    use crate::backends::cuda::compiler::compile;
 
     #[test]
     fn all_kernels_compile() {
         for source in [VECTORS, MATRICES] {
-            match compile(source, "compute_90") {
+            match compile(source, "sm_90") {
                 Err(error @ CudaError::MissingLibrary { .. }) => return eprintln!("skipped: {error}"),
                 Err(error) => panic!("{error}"),
                 Ok(_) => {}

@@ -4,10 +4,9 @@ use std::fmt;
 use std::sync::{Arc, OnceLock};
 
 use cudarc::driver::{CudaContext, CudaModule, CudaStream};
-use cudarc::nvrtc::{CompileError, CompileOptions, Ptx, compile_ptx_with_opts};
 
-use super::CudaError;
 use super::algebra::Algebra;
+use super::{CudaError, compiler};
 
 /// A CUDA device with the stream on which this crate works. Clones share both.
 #[derive(Clone)]
@@ -27,7 +26,7 @@ struct Architecture {
 
 impl fmt::Display for Architecture {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "compute_{}{}", self.major, self.minor)
+        write!(f, "sm_{}{}", self.major, self.minor)
     }
 }
 
@@ -44,30 +43,6 @@ fn find_driver() -> Result<(), CudaError> {
         return Ok(());
     }
     Err(CudaError::MissingLibrary { library: "libcuda.so", package: "the NVIDIA driver" })
-}
-
-/// Returns an error if the run-time compiler cannot be loaded.
-fn find_compiler() -> Result<(), CudaError> {
-    // SAFETY: loads `libnvrtc`, whose initialization has no precondition.
-    if unsafe { cudarc::nvrtc::sys::is_culib_present() } {
-        return Ok(());
-    }
-    let package = "the CUDA toolkit or the Python package nvidia-cuda-nvrtc";
-    Err(CudaError::MissingLibrary { library: "libnvrtc.so", package })
-}
-
-/// Compiles a CUDA C++ source to PTX for an architecture such as `compute_90`; this needs NVRTC, but no device.
-pub(crate) fn compile(source: &str, architecture: &str) -> Result<Ptx, CudaError> {
-    find_compiler()?;
-    let options = vec![format!("--gpu-architecture={architecture}"), "--std=c++17".to_owned()];
-    let options = CompileOptions { options, ..CompileOptions::default() };
-    compile_ptx_with_opts(source, options).map_err(|error| {
-        let log = match error {
-            CompileError::CompileError { log, .. } => log.to_string_lossy().trim().to_owned(),
-            other => format!("{other:?}"),
-        };
-        CudaError::Compile { architecture: architecture.to_owned(), log }
-    })
 }
 
 impl Device {
@@ -88,7 +63,7 @@ impl Device {
     /// is no device with this number, and [`CudaError::Driver`] if the driver refuses.
     pub fn open(ordinal: usize) -> Result<Self, CudaError> {
         let count = Self::count()?;
-        find_compiler()?;
+        compiler::find()?;
         if ordinal >= count {
             return Err(CudaError::NoDevice { ordinal, count });
         }
@@ -156,7 +131,7 @@ impl Device {
 
     /// Compiles kernels for this device and loads them.
     pub(crate) fn load(&self, source: &str) -> Result<Arc<CudaModule>, CudaError> {
-        let ptx = compile(source, &self.architecture.to_string())?;
-        self.context().load_module(ptx).map_err(CudaError::of("load the kernels"))
+        let code = compiler::compile(source, &self.architecture.to_string())?;
+        self.context().load_module(code).map_err(CudaError::of("load the kernels"))
     }
 }

@@ -54,6 +54,7 @@
 #![allow(unsafe_code, reason = "calls of the driver and of cuSPARSE, and launches of kernels")]
 
 mod algebra;
+mod compiler;
 mod cusparse;
 mod device;
 mod error;
