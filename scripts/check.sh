@@ -8,7 +8,7 @@ cd "$(dirname "$0")/.."
 source scripts/test-env.sh
 
 # Features of one build each: all that have tests of their own.
-sets=("default" "" "sparse" "dense" "petsc" "default batched capi hwloc metis petsc")
+sets=("default" "" "sparse" "dense" "petsc" "default batched capi cuda hwloc metis petsc")
 # For any two features (but cuda and hwloc), and any third that the two do not imply, one set has the two without it.
 pairs=(
     "metis sparse dense capi petsc mpi" "app generate batched capi petsc mpi" "app generate metis sparse dense batched"

@@ -10,7 +10,7 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 source scripts/test-env.sh
 
-features=(--features batched,capi,hwloc,metis,petsc)
+features=(--features batched,capi,cuda,hwloc,metis,petsc)
 if [ $# -gt 0 ]; then
     exec cargo test "${features[@]}" "$@"
 fi

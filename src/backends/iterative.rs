@@ -1,6 +1,10 @@
 //! The iterative solver: a Krylov method with a preconditioner that a backend provides.
 #![cfg_attr(not(feature = "sparse"), allow(dead_code, unused_imports, reason = "some backends need only a part"))]
 
+use std::sync::{Mutex, PoisonError};
+
+use num_traits::{One, Zero};
+
 use crate::backends::checks::check_columns;
 use crate::backends::direct::Pivots;
 use crate::las::krylov::KrylovSpace;
@@ -64,32 +68,32 @@ pub(super) trait ApproximateInverse<B: Backend>: Send + Sync {
 /// No preconditioner, or the inverse diagonal.
 pub(super) enum SimplePreconditioner<B: Backend> {
     None,
-    Diagonal(B::Vector),
+    /// In a lock that is never taken, because a vector need not be `Sync`.
+    Diagonal(Mutex<B::Vector>),
 }
 
-impl<B: Backend<Scalar: Scalar, Vector: Sync>> ApproximateInverse<B> for SimplePreconditioner<B> {
+impl<B: Backend> SimplePreconditioner<B> {
+    /// Creates the inverse diagonal with this vector.
+    pub(super) fn diagonal(vector: B::Vector) -> Self {
+        Self::Diagonal(Mutex::new(vector))
+    }
+}
+
+impl<B: Backend<Scalar: Scalar>> ApproximateInverse<B> for SimplePreconditioner<B> {
     fn compute(&mut self, a: &B::Matrix) -> Result<Option<Pivots>, Failure<B>> {
         let Self::Diagonal(d) = self else { return Ok(None) };
+        let d = d.get_mut().unwrap_or_else(PoisonError::into_inner);
         a.inverse_diagonal(d)?;
         let pivots = |d: &[B::Scalar]| Pivots::of(d.iter().map(|d| 1.0 / d.as_f64()));
         Ok(Some(d.with_local(pivots)?))
     }
 
     fn apply(&mut self, x: &B::Vector, y: &mut B::Vector) -> Result<(), Failure<B>> {
-        let product = |y: &mut [B::Scalar]| {
-            x.with_local(|x| match self {
-                Self::None => {
-                    y.copy_from_slice(x);
-                    Ok(())
-                }
-                Self::Diagonal(d) => d.with_local(|d| {
-                    for ((y, &x), &d) in y.iter_mut().zip(x).zip(d) {
-                        *y = x * d;
-                    }
-                }),
-            })
-        };
-        Ok(y.with_local_mut(product)???)
+        match self {
+            Self::None => y.axpby(B::Scalar::one(), x, B::Scalar::zero())?,
+            Self::Diagonal(d) => y.multiply(d.get_mut().unwrap_or_else(PoisonError::into_inner), x)?,
+        }
+        Ok(())
     }
 }
 

@@ -6,8 +6,7 @@
 //! | `dense` | `dense` (default) | systems of a few hundred unknowns at most, and comparisons |
 //! | `petsc` | `petsc` | large systems, on several processes; solvers chosen at run time |
 //! | `batched` | `batched` | many systems with one pattern at once, one per lane; no solver yet |
-//!
-//! The name `cuda` is reserved: no build of this version contains that backend.
+//! | `cuda` | `cuda` | large systems with iterative solvers, on a graphics processor |
 
 #[cfg(any(feature = "sparse", feature = "dense", feature = "batched", feature = "petsc"))]
 mod checks;
@@ -49,7 +48,7 @@ pub enum BackendName {
     Dense,
     /// PETSc, on one or several processes.
     Petsc,
-    /// Graphics processors: a reserved name, not available in this version.
+    /// Graphics processors of NVIDIA.
     Cuda,
 }
 
@@ -78,7 +77,7 @@ impl BackendName {
             Self::Sparse => cfg!(feature = "sparse"),
             Self::Dense => cfg!(feature = "dense"),
             Self::Petsc => cfg!(feature = "petsc"),
-            Self::Cuda => false,
+            Self::Cuda => cfg!(feature = "cuda"),
         }
     }
 }
@@ -111,6 +110,8 @@ pub fn compiled() -> &'static [&'static str] {
         "dense",
         #[cfg(feature = "petsc")]
         "petsc",
+        #[cfg(feature = "cuda")]
+        "cuda",
     ]
 }
 
@@ -127,7 +128,6 @@ impl fmt::Display for NotCompiledIn {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { name, feature } = self;
         match feature {
-            Some("cuda") => f.write_str("the backend `cuda` is not available in this version, with any feature"),
             Some(feature) => {
                 write!(f, "the backend `{name}` is not compiled in: build with `cargo build --features {feature}`")
             }
@@ -154,10 +154,7 @@ mod tests {
                 Ok(parsed) => assert!(backend.is_compiled() && parsed == backend),
                 Err(error) => {
                     assert!(!backend.is_compiled());
-                    let cure = match backend {
-                        BackendName::Cuda => "not available in this version".to_owned(),
-                        backend => format!("--features {}", backend.feature()),
-                    };
+                    let cure = format!("--features {}", backend.feature());
                     assert!(error.to_string().contains(&cure), "{error}");
                 }
             }

@@ -13,6 +13,7 @@
 //! | `sparse` | Cholesky, LDL^T, LU | none, diagonal, ILUT, multigrid |
 //! | `dense` | Cholesky, LDL^T, LU | none, diagonal |
 //! | `petsc` | MUMPS, SuperLU_DIST or PETSc's own | none, diagonal, multigrid; others through PETSc options |
+//! | `cuda` | those of `sparse`, on the host | none, diagonal, multigrid |
 //! | `batched` | no | no iterative methods |
 //!
 //! A backend that lacks the requested method returns [`SolveError::Unsupported`].
@@ -23,7 +24,7 @@
 //! | item | contents |
 //! |---|---|
 //! | [`Backend`] | a marker type: ten associated types, its name, and four constructors |
-//! | [`VectorOps`] for `Backend::Vector` | eleven methods, with rules for negative indices and for `finish` |
+//! | [`VectorOps`] for `Backend::Vector` | eleven methods, with rules for negative indices and for `finish`; two more are provided |
 //! | [`MatrixOps`] for `Backend::Matrix` | nine methods, with rules for writes outside the pattern; two more for many blocks at once are provided |
 //! | [`MatVec`] for `Backend::Matrix` | two products and the diagonal |
 //! | [`Solver`] for `Backend::Solver` | two kinds of factorization, and solves; any of them may be unsupported |

@@ -1,5 +1,7 @@
 //! Vector and matrix operations for hot loops (Tobin 2018, table 5.1).
 
+use num_traits::Zero;
+
 use super::{Backend, BlockSlots};
 
 /// The operations of a vector in assembly loops, which call them millions of times; every implementation should be
@@ -53,6 +55,34 @@ pub trait VectorOps<B: Backend>: Sized {
 
     /// `y += a x`.
     fn axpy(&mut self, a: B::Scalar, x: &Self) -> Result<(), B::Error>;
+
+    /// `y = a x + b y`; if `b` is zero, `y` is overwritten even if it is not finite.
+    #[inline]
+    fn axpby(&mut self, a: B::Scalar, x: &Self, b: B::Scalar) -> Result<(), B::Error> {
+        self.with_local_mut(|y| {
+            x.with_local(|x| {
+                debug_assert_eq!(x.len(), y.len(), "vectors of one length");
+                for (y, &x) in y.iter_mut().zip(x) {
+                    *y = if b.is_zero() { a * x } else { b * *y + a * x };
+                }
+            })
+        })?
+    }
+
+    /// `y[i] = d[i] x[i]`: the product with a diagonal matrix.
+    #[inline]
+    fn multiply(&mut self, d: &Self, x: &Self) -> Result<(), B::Error> {
+        self.with_local_mut(|y| {
+            x.with_local(|x| {
+                d.with_local(|d| {
+                    debug_assert!(x.len() == y.len() && d.len() == y.len(), "vectors of one length");
+                    for ((y, &x), &d) in y.iter_mut().zip(x).zip(d) {
+                        *y = x * d;
+                    }
+                })
+            })
+        })??
+    }
 
     /// Passes the local entries to `read`; they are accessible only until `read` returns.
     fn with_local<R>(&self, read: impl FnOnce(&[B::Scalar]) -> R) -> Result<R, B::Error>;

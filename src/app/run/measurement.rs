@@ -9,7 +9,7 @@ use super::setup::{Setup, SimulationError};
 use crate::app::macro_scale;
 use crate::fem::stepping::{ConvergedStep, FailedAttempt, StepObserver, Stepper};
 use crate::las::{NewtonSeconds, RealBackend};
-use crate::tissue::micro_scale::{RveCost, SampledField, TissueMaterial};
+use crate::tissue::micro_scale::{RveCost, SampledField, TissueField, TissueMaterial};
 
 /// Number of RVEs of each network that are solved.
 const SAMPLES: usize = 3;
@@ -86,7 +86,7 @@ impl<B: RealBackend, F: std::error::Error> StepObserver<SampledField<B>, F> for 
     }
 }
 
-impl<B: RealBackend> Setup<B> {
+impl<B: RealBackend, N: RealBackend> Setup<B, TissueField<N>> {
     /// Measures what an evaluation costs, in the first load step.
     ///
     /// # Errors
@@ -99,7 +99,7 @@ impl<B: RealBackend> Setup<B> {
         let order = field.node_order(&mesh);
         let sampled = field.sampled(SAMPLES)?;
         let stepper = Stepper::in_order(&order, &context, Arc::clone(&mesh), &conditions, sampled, params);
-        let mut stepper: Stepper<B, SampledField<B>> = stepper.map_err(Box::new)?;
+        let mut stepper: Stepper<B, SampledField<N>> = stepper.map_err(Box::new)?;
         // At rest, where no RVE has to move, the costs say little.
         stepper.field().take_costs();
         let mut failed = FailedAttempts(0.0);

@@ -63,7 +63,16 @@ impl<B: RealBackend> Setup<B> {
     /// Returns [`SimulationError`] if an input file cannot be read or does not match the case, or if the boundary
     /// conditions leave a rigid-body mode.
     pub fn new(context: B::Context, case: Case) -> Result<Self, SimulationError<B::Error>> {
-        let of_rves = context.clone();
+        Self::with_rves(context.clone(), context, case)
+    }
+}
+
+impl<B: RealBackend, N: RealBackend> Setup<B, TissueField<N>> {
+    /// Like [`Setup::new`], with a context for the RVEs, whose backend may be another one.
+    ///
+    /// # Errors
+    /// As for [`Setup::new`].
+    pub fn with_rves(context: B::Context, of_rves: N::Context, case: Case) -> Result<Self, SimulationError<B::Error>> {
         let costs = case.output.costs;
         Self::with_material(context, case, None, |materials, mesh| {
             let device = materials.rve.device;

@@ -1,18 +1,20 @@
 //! A device: its context, its stream, and the kernels compiled for it.
 
 use std::fmt;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use cudarc::driver::{CudaContext, CudaModule, CudaStream};
-use cudarc::nvrtc::{CompileError, CompileOptions, Ptx, compile_ptx_with_opts};
 
-use super::CudaError;
+use super::algebra::Algebra;
+use super::{CudaError, compiler};
 
 /// A CUDA device with the stream on which this crate works. Clones share both.
 #[derive(Clone)]
 pub struct Device {
     stream: Arc<CudaStream>,
     architecture: Architecture,
+    /// The kernels and libraries of linear algebra, loaded on first use.
+    algebra: Arc<OnceLock<Algebra>>,
 }
 
 /// The compute capability of a device, for example 9.0.
@@ -24,7 +26,7 @@ struct Architecture {
 
 impl fmt::Display for Architecture {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "compute_{}{}", self.major, self.minor)
+        write!(f, "sm_{}{}", self.major, self.minor)
     }
 }
 
@@ -41,30 +43,6 @@ fn find_driver() -> Result<(), CudaError> {
         return Ok(());
     }
     Err(CudaError::MissingLibrary { library: "libcuda.so", package: "the NVIDIA driver" })
-}
-
-/// Returns an error if the run-time compiler cannot be loaded.
-fn find_compiler() -> Result<(), CudaError> {
-    // SAFETY: loads `libnvrtc`, whose initialization has no precondition.
-    if unsafe { cudarc::nvrtc::sys::is_culib_present() } {
-        return Ok(());
-    }
-    let package = "the CUDA toolkit or the Python package nvidia-cuda-nvrtc";
-    Err(CudaError::MissingLibrary { library: "libnvrtc.so", package })
-}
-
-/// Compiles a CUDA C++ source to PTX for an architecture such as `compute_90`; this needs NVRTC, but no device.
-pub(crate) fn compile(source: &str, architecture: &str) -> Result<Ptx, CudaError> {
-    find_compiler()?;
-    let options = vec![format!("--gpu-architecture={architecture}"), "--std=c++17".to_owned()];
-    let options = CompileOptions { options, ..CompileOptions::default() };
-    compile_ptx_with_opts(source, options).map_err(|error| {
-        let log = match error {
-            CompileError::CompileError { log, .. } => log.to_string_lossy().trim().to_owned(),
-            other => format!("{other:?}"),
-        };
-        CudaError::Compile { architecture: architecture.to_owned(), log }
-    })
 }
 
 impl Device {
@@ -85,14 +63,16 @@ impl Device {
     /// is no device with this number, and [`CudaError::Driver`] if the driver refuses.
     pub fn open(ordinal: usize) -> Result<Self, CudaError> {
         let count = Self::count()?;
-        find_compiler()?;
+        compiler::find()?;
         if ordinal >= count {
             return Err(CudaError::NoDevice { ordinal, count });
         }
         let context = CudaContext::new(ordinal).map_err(CudaError::of("open the device"))?;
         let (major, minor) = context.compute_capability().map_err(CudaError::of("read the compute capability"))?;
+        // SAFETY: all work of a `Device` is on its one stream, which executes it in order.
+        unsafe { context.disable_event_tracking() };
         let stream = context.new_stream().map_err(CudaError::of("create a stream"))?;
-        Ok(Self { stream, architecture: Architecture { major, minor } })
+        Ok(Self { stream, architecture: Architecture { major, minor }, algebra: Arc::default() })
     }
 
     /// The name of the device, for example `NVIDIA H200`.
@@ -119,6 +99,14 @@ impl Device {
         self.stream.synchronize().map_err(CudaError::of("wait for the device"))
     }
 
+    /// Returns true if products of matrices and vectors use cuSPARSE, false if that library is not installed.
+    ///
+    /// # Errors
+    /// Returns the error of loading the kernels and libraries of linear algebra.
+    pub fn has_cusparse(&self) -> Result<bool, CudaError> {
+        Ok(self.algebra()?.library.is_some())
+    }
+
     pub(crate) fn context(&self) -> &Arc<CudaContext> {
         self.stream.context()
     }
@@ -127,9 +115,23 @@ impl Device {
         &self.stream
     }
 
+    /// The kernels and libraries of linear algebra.
+    pub(super) fn algebra(&self) -> Result<&Algebra, CudaError> {
+        if let Some(algebra) = self.algebra.get() {
+            return Ok(algebra);
+        }
+        let algebra = Algebra::load(self)?;
+        Ok(self.algebra.get_or_init(|| algebra))
+    }
+
+    /// Returns true if both work on the same stream.
+    pub(super) fn is_same(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.stream, &other.stream)
+    }
+
     /// Compiles kernels for this device and loads them.
     pub(crate) fn load(&self, source: &str) -> Result<Arc<CudaModule>, CudaError> {
-        let ptx = compile(source, &self.architecture.to_string())?;
-        self.context().load_module(ptx).map_err(CudaError::of("load the kernels"))
+        let code = compiler::compile(source, &self.architecture.to_string())?;
+        self.context().load_module(code).map_err(CudaError::of("load the kernels"))
     }
 }

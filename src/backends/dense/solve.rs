@@ -60,7 +60,7 @@ impl<T: DenseScalar> Solver<T> {
         let unknowns = symbolic.unknowns;
         let inverse: SimplePreconditioner<Dense<T>> = match method.preconditioner {
             Preconditioner::None => SimplePreconditioner::None,
-            Preconditioner::Diagonal => SimplePreconditioner::Diagonal(Vector::from(vec![T::zero(); unknowns])),
+            Preconditioner::Diagonal => SimplePreconditioner::diagonal(Vector::from(vec![T::zero(); unknowns])),
             Preconditioner::Ilut { .. } | Preconditioner::Multigrid => {
                 return Err(SolveError::Unsupported {
                     backend: Dense::<T>::NAME,

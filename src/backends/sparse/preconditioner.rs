@@ -14,7 +14,7 @@ pub(super) fn preconditioner<T: SparseScalar>(
     let zeros = || Vector::from(vec![T::zero(); symbolic.unknowns()]);
     let inverse: Box<dyn ApproximateInverse<Sparse<T>>> = match kind {
         Preconditioner::None => Box::new(SimplePreconditioner::<Sparse<T>>::None),
-        Preconditioner::Diagonal => Box::new(SimplePreconditioner::<Sparse<T>>::Diagonal(zeros())),
+        Preconditioner::Diagonal => Box::new(SimplePreconditioner::<Sparse<T>>::diagonal(zeros())),
         Preconditioner::Ilut { drop_tolerance, fill } => Box::new(Ilut::<T>::new(drop_tolerance, fill)),
         Preconditioner::Multigrid => multigrid::preconditioner::<T>(&symbolic.pattern, symbolic.params.symmetry)?,
     };

@@ -1,7 +1,7 @@
 //! Run-time dispatch to a backend type by its name.
 
 use biotissue::backends::{self, BackendName};
-use biotissue::las::RealBackend;
+use biotissue::las::{Backend, RealBackend};
 
 use crate::failure::Failure;
 
@@ -13,16 +13,28 @@ pub trait ProgramBackend: RealBackend<Context: Clone> {
     /// The backend of the RVEs if they have ranks of their own; an RVE is solved by a single rank.
     #[cfg(any(feature = "sparse", feature = "dense"))]
     type Micro: RealBackend<Context = ()>;
+
+    /// The backend of the RVEs in the process that solves for the body.
+    type Local: RealBackend;
+
+    /// Returns the context of [`ProgramBackend::Local`].
+    fn local(context: &Self::Context) -> <Self::Local as Backend>::Context;
 }
 
 #[cfg(feature = "sparse")]
 impl ProgramBackend for backends::sparse::Sparse {
     type Micro = Self;
+    type Local = Self;
+
+    fn local((): &()) {}
 }
 
 #[cfg(feature = "dense")]
 impl ProgramBackend for backends::dense::Dense {
     type Micro = Self;
+    type Local = Self;
+
+    fn local((): &()) {}
 }
 
 #[cfg(feature = "petsc")]
@@ -33,6 +45,20 @@ impl ProgramBackend for backends::petsc::Petsc {
     type Micro = backends::sparse::Sparse;
     #[cfg(all(feature = "dense", not(feature = "sparse")))]
     type Micro = backends::dense::Dense;
+    type Local = Self;
+
+    fn local(context: &Self::Context) -> Self::Context {
+        context.clone()
+    }
+}
+
+/// The systems of an RVE are too small for a device.
+#[cfg(feature = "cuda")]
+impl ProgramBackend for backends::cuda::Cuda {
+    type Micro = backends::sparse::Sparse;
+    type Local = backends::sparse::Sparse;
+
+    fn local(_: &Self::Context) {}
 }
 
 /// A computation that is generic over the backend.
@@ -54,6 +80,8 @@ pub fn dispatch<J: Job>(backend: Option<&str>, job: J) -> Result<J::Output, Fail
         Ok(BackendName::Dense) => job.run::<backends::dense::Dense>(()),
         #[cfg(feature = "petsc")]
         Ok(BackendName::Petsc) => job.run::<backends::petsc::Petsc>(one_process()?),
+        #[cfg(feature = "cuda")]
+        Ok(BackendName::Cuda) => job.run::<backends::cuda::Cuda>(first_device()?),
         // A name parses only if its backend is compiled in; this arm reports the error for any set of features.
         outcome => {
             let error =
@@ -65,6 +93,18 @@ pub fn dispatch<J: Job>(backend: Option<&str>, job: J) -> Result<J::Output, Fail
             ))
         }
     }
+}
+
+/// Opens the first device that the driver lists, which the environment variable `CUDA_VISIBLE_DEVICES` may change.
+#[cfg(feature = "cuda")]
+fn first_device() -> Result<backends::cuda::Device, Failure> {
+    backends::cuda::Device::open(0).map_err(|error| {
+        Failure::arguments(
+            format!("--backend cuda: {error}"),
+            "a machine with an NVIDIA device, its driver and NVRTC",
+            "run there, or choose another backend, for example --backend sparse",
+        )
+    })
 }
 
 /// Returns the PETSc context of a single process. Under `mpirun` every rank would write the same results, so several

@@ -37,6 +37,7 @@ pub fn run(command: &InfoCommand) -> Result<(), Failure> {
             ("dense", cfg!(feature = "dense")),
             ("batched", cfg!(feature = "batched")),
             ("petsc", cfg!(feature = "petsc")),
+            ("cuda", cfg!(feature = "cuda")),
             ("metis", cfg!(feature = "metis")),
             ("mpi", cfg!(feature = "mpi")),
             ("hwloc", cfg!(feature = "hwloc")),
@@ -73,6 +74,7 @@ fn library(backend: &str) -> String {
             let packages = biotissue::backends::petsc::Session::packages();
             format!("PETSc {} with {}", biotissue::backends::petsc::Session::version(), packages.join(", "))
         }
+        "cuda" => "NVIDIA's, loaded when a run starts".to_owned(),
         _ => "its own".to_owned(),
     }
 }

@@ -9,7 +9,7 @@ use biotissue::app::results::log::ScalesLog;
 use biotissue::app::run::{RunError, RunSummary, Setup, Simulation, WriterGroup};
 use biotissue::coupling::{Config, Plan};
 
-use biotissue::tissue::micro_scale::TissueMaterial;
+use biotissue::tissue::micro_scale::{TissueField, TissueMaterial};
 use clap::Args;
 use serde::Serialize;
 
@@ -385,16 +385,23 @@ pub fn take_steps<B: ProgramBackend, M: TissueMaterial>(
     }
 }
 
+/// A case whose body and RVEs are solved in this process.
+pub type OneProcess<B> = Setup<B, TissueField<<B as ProgramBackend>::Local>>;
+
 /// Reads all files that a case names; the warnings of the mesh and network readers go to stderr.
-pub fn setup<B: ProgramBackend>(context: B::Context, case: Case) -> Result<Setup<B>, Failure> {
+pub fn setup<B: ProgramBackend>(context: B::Context, case: Case) -> Result<OneProcess<B>, Failure> {
     let hints = CaseHints::of(&case);
-    let setup = Setup::<B>::new(context, case).map_err(|error| not_set_up(&hints, error))?;
+    let of_rves = B::local(&context);
+    let setup = Setup::with_rves(context, of_rves, case).map_err(|error| not_set_up(&hints, error))?;
     output::warn(setup.warnings());
     Ok(setup)
 }
 
 /// Sets up the simulation of a case.
-fn simulation<B: ProgramBackend>(context: B::Context, case: Case) -> Result<Simulation<B>, Failure> {
+fn simulation<B: ProgramBackend>(
+    context: B::Context,
+    case: Case,
+) -> Result<Simulation<B, TissueField<B::Local>>, Failure> {
     let hints = CaseHints::of(&case);
     setup::<B>(context, case)?.simulation().map_err(|error| not_set_up(&hints, error))
 }

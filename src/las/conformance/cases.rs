@@ -63,6 +63,8 @@ pub(super) enum VectorStep {
     Set(Vec<i32>, Vec<f64>),
     /// Adds the other vector times a factor.
     Axpy(f64),
+    /// Replaces the vector by a sum of the other one and itself, times these factors.
+    Axpby(f64, f64),
     /// Writes all entries in `with_local_mut`.
     WriteLocal(Vec<f64>),
     Get(Vec<i32>),
@@ -84,13 +86,14 @@ impl Case for VectorCase {
         let mut step = || {
             let rows = random.indices(len);
             let values = random.integers(rows.len());
-            let step = match random.below(14) {
+            let step = match random.below(15) {
                 0 => VectorStep::Zero,
                 1..=4 => VectorStep::Add(rows, values),
                 5..=7 => VectorStep::Set(rows, values),
                 8..=9 => VectorStep::Axpy(random.below(3) as f64 - 1.0),
                 10 => VectorStep::WriteLocal(random.integers(len)),
                 11..=12 => VectorStep::Get(rows),
+                13 => VectorStep::Axpby(random.below(3) as f64 - 1.0, random.below(2) as f64),
                 _ => VectorStep::Finish,
             };
             (random.below(2), step)

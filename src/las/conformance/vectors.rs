@@ -31,6 +31,7 @@ pub(super) fn check<B: Backend>(context: &B::Context, case: &VectorCase) -> Outc
     pair.read(0, &all)?;
     pair.read(1, &all)?;
     pair.reductions()?;
+    pair.products(context)?;
     out_of_range_is_dropped::<B>(context)
 }
 
@@ -51,18 +52,8 @@ impl<B: Backend> Pair<B> {
                 tried(self.found[which].set(&indices::<B>(rows), &scalars::<B>(values)))?;
                 self.write(which, rows, values, |entry, value| *entry = value);
             }
-            VectorStep::Axpy(a) => {
-                self.finish(0)?;
-                self.finish(1)?;
-                let [first, second] = &mut self.found;
-                let (y, x) = if which == 0 { (first, &*second) } else { (second, &*first) };
-                tried(y.axpy(scalar::<B>(|lane| a * sign_in_lane(lane)), x))?;
-                let [first, second] = &mut self.expected;
-                let (y, x) = if which == 0 { (first, &*second) } else { (second, &*first) };
-                for (lane, (y, x)) in y.iter_mut().zip(x).enumerate() {
-                    y.iter_mut().zip(x).for_each(|(y, x)| *y += a * sign_in_lane(lane) * x);
-                }
-            }
+            VectorStep::Axpy(a) => self.combine(which, *a, 1.0, |y, x, a, _| y.axpy(a, x))?,
+            VectorStep::Axpby(a, b) => self.combine(which, *a, *b, |y, x, a, b| y.axpby(a, x, b))?,
             VectorStep::WriteLocal(values) => {
                 self.finish(which)?;
                 tried(self.found[which].with_local_mut(|entries| entries.copy_from_slice(&scalars::<B>(values))))?;
@@ -71,6 +62,27 @@ impl<B: Backend> Pair<B> {
             }
             VectorStep::Get(rows) => self.read(which, rows)?,
             VectorStep::Finish => self.finish(which)?,
+        }
+        Ok(())
+    }
+
+    /// Replaces a vector `y` by `a x + b y` with the other vector `x`, which `combine` does.
+    fn combine(
+        &mut self,
+        which: usize,
+        a: f64,
+        b: f64,
+        combine: impl FnOnce(&mut B::Vector, &B::Vector, B::Scalar, B::Scalar) -> Result<(), B::Error>,
+    ) -> Outcome {
+        self.finish(0)?;
+        self.finish(1)?;
+        let [first, second] = &mut self.found;
+        let (y, x) = if which == 0 { (first, &*second) } else { (second, &*first) };
+        tried(combine(y, x, scalar::<B>(|lane| a * sign_in_lane(lane)), scalar::<B>(|_| b)))?;
+        let [first, second] = &mut self.expected;
+        let (y, x) = if which == 0 { (first, &*second) } else { (second, &*first) };
+        for (lane, (y, x)) in y.iter_mut().zip(x).enumerate() {
+            y.iter_mut().zip(x).for_each(|(y, x)| *y = a * sign_in_lane(lane) * x + b * *y);
         }
         Ok(())
     }
@@ -130,6 +142,28 @@ impl<B: Backend> Pair<B> {
         within("the dot product", &found, |lane| dot(&x[lane], &y[lane]), |lane| tolerance * sizes(lane))?;
         let norm = |lane: usize| dot(&x[lane], &x[lane]).sqrt();
         within("the norm", &tried(self.found[0].norm())?, norm, |lane| tolerance * norm(lane))
+    }
+}
+
+impl<B: Backend> Pair<B> {
+    /// Checks the products of entries, and that a combination with the factor zero overwrites what is not finite.
+    fn products(&self, context: &B::Context) -> Outcome {
+        let ([x, y], [of_x, of_y]) = (&self.expected, &self.found);
+        let mut product = tried(B::vector(context, x[0].len()))?;
+        tried(product.with_local_mut(|z| z.fill(scalar::<B>(|_| f64::NAN))))?;
+        tried(product.finish())?;
+        tried(product.multiply(of_x, of_y))?;
+        let check = |found: &[B::Scalar], expected: &dyn Fn(usize, usize) -> f64| {
+            found.iter().enumerate().try_for_each(|(row, found)| {
+                let error = |lane: usize| 2.0 * epsilon::<B>() * expected(lane, row).abs();
+                within(format_args!("row {row} of a product"), found, |lane| expected(lane, row), error)
+            })
+        };
+        tried(product.with_local(|z| check(z, &|lane, row| x[lane][row] * y[lane][row])))??;
+        tried(product.with_local_mut(|z| z.fill(scalar::<B>(|_| f64::NAN))))?;
+        tried(product.finish())?;
+        tried(product.axpby(scalar::<B>(|_| 2.0), of_x, scalar::<B>(|_| 0.0)))?;
+        tried(product.with_local(|z| check(z, &|lane, row| 2.0 * x[lane][row])))?
     }
 }
 

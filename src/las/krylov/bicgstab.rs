@@ -2,7 +2,7 @@
 
 use num_traits::{Float, One, Zero};
 
-use super::{Ended, Run, combine};
+use super::{Ended, Run};
 use crate::las::{Failure, SingleLane, VectorOps};
 
 /// Number of vectors: residual, product, shadow residual, direction, preconditioned vector, second product.
@@ -16,8 +16,8 @@ pub(super) fn run<B: SingleLane>(
 ) -> Result<Ended, Failure<B>> {
     let one = B::Scalar::one();
     let [r, v, shadow, p, z, t] = vectors else { return Ok(Ended::Breakdown) };
-    combine::<B>(shadow, B::Scalar::zero(), one, r)?;
-    combine::<B>(p, B::Scalar::zero(), one, r)?;
+    shadow.axpby(one, r, B::Scalar::zero())?;
+    p.axpby(one, r, B::Scalar::zero())?;
     let mut rho = shadow.dot(r)?;
     let start = run.iterations;
     while run.iterations < run.max_iterations {
@@ -51,7 +51,7 @@ pub(super) fn run<B: SingleLane>(
         }
         // p = r + beta (p - omega v)
         p.axpy(-omega, v)?;
-        combine::<B>(p, beta, one, r)?;
+        p.axpby(one, r, beta)?;
     }
     Ok(Ended::CheckResidual)
 }

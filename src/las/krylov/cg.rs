@@ -2,7 +2,7 @@
 
 use num_traits::{Float, Zero};
 
-use super::{Ended, Run, combine};
+use super::{Ended, Run};
 use crate::las::{Failure, SingleLane, VectorOps};
 
 /// Number of vectors: residual, product, direction, preconditioned residual.
@@ -16,7 +16,7 @@ pub(super) fn run<B: SingleLane>(
 ) -> Result<Ended, Failure<B>> {
     let [r, q, p, z] = vectors else { return Ok(Ended::Breakdown) };
     (run.m)(r, z)?;
-    combine::<B>(p, B::Scalar::zero(), num_traits::One::one(), z)?;
+    p.axpby(num_traits::One::one(), z, B::Scalar::zero())?;
     let mut rz = r.dot(z)?;
     while run.iterations < run.max_iterations {
         (run.a)(p, q)?;
@@ -34,7 +34,7 @@ pub(super) fn run<B: SingleLane>(
         }
         (run.m)(r, z)?;
         let before = std::mem::replace(&mut rz, r.dot(z)?);
-        combine::<B>(p, rz / before, num_traits::One::one(), z)?;
+        p.axpby(num_traits::One::one(), z, rz / before)?;
     }
     Ok(Ended::CheckResidual)
 }

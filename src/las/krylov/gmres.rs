@@ -3,7 +3,7 @@
 
 use num_traits::{Float, One, Zero};
 
-use super::{Ended, Run, combine};
+use super::{Ended, Run};
 use crate::las::{Failure, Scalar, SingleLane, VectorOps};
 
 /// Number of vectors: the basis of `restart + 1` vectors, one for products and one for preconditioned vectors.
@@ -60,7 +60,7 @@ pub(super) fn run<B: SingleLane>(
         if g[k + 1].abs() <= run.target || exhausted {
             break;
         }
-        combine::<B>(&mut basis[k + 1], B::Scalar::zero(), B::Scalar::one() / length, product)?;
+        basis[k + 1].axpby(B::Scalar::one() / length, product, B::Scalar::zero())?;
     }
     back_substitute(h, g, m, steps);
     VectorOps::zero(product)?;

@@ -129,7 +129,7 @@ impl<B: SingleLane> Run<'_, B> {
     fn residual(&mut self, b: &B::Vector, x: &B::Vector, vectors: &mut [B::Vector]) -> Result<(), Failure<B>> {
         let (r, rest) = split_first_vector(vectors);
         (self.a)(x, &mut rest[0])?;
-        combine::<B>(r, B::Scalar::zero(), B::Scalar::one(), b)?;
+        r.axpby(B::Scalar::one(), b, B::Scalar::zero())?;
         Ok(r.axpy(-B::Scalar::one(), &rest[0])?)
     }
 }
@@ -138,21 +138,4 @@ impl<B: SingleLane> Run<'_, B> {
 fn split_first_vector<V>(vectors: &mut [V]) -> (&mut V, &mut [V]) {
     let (first, rest) = vectors.split_at_mut(1);
     (&mut first[0], rest)
-}
-
-/// `y = a y + b x`; if `a` is zero, `y` is overwritten even if it is not finite.
-fn combine<B: Backend<Scalar: Scalar>>(
-    y: &mut B::Vector,
-    a: B::Scalar,
-    b: B::Scalar,
-    x: &B::Vector,
-) -> Result<(), B::Error> {
-    let write = |y: &mut [B::Scalar]| {
-        x.with_local(|x| {
-            for (y, &x) in y.iter_mut().zip(x) {
-                *y = if a.is_zero() { b * x } else { a * *y + b * x };
-            }
-        })
-    };
-    y.with_local_mut(write)?
 }

@@ -141,6 +141,37 @@ pub enum SolveError<F> {
     Backend(#[from] F),
 }
 
+impl<F> SolveError<F> {
+    /// Converts the error of the backend.
+    #[cfg(feature = "cuda")]
+    pub(crate) fn map_backend<G>(self, convert: impl FnOnce(F) -> G) -> SolveError<G> {
+        match self {
+            Self::NotSquare { rows, cols } => SolveError::NotSquare { rows, cols },
+            Self::Size { what, found, expected } => SolveError::Size { what, found, expected },
+            Self::Pattern => SolveError::Pattern,
+            Self::UnsymmetricPattern { row, column } => SolveError::UnsymmetricPattern { row, column },
+            Self::NotFactored => SolveError::NotFactored,
+            Self::Singular { unknown, ratio, limit } => SolveError::Singular { unknown, ratio, limit },
+            Self::SingularBorder { constraint, ratio, limit } => {
+                SolveError::SingularBorder { constraint, ratio, limit }
+            }
+            Self::Indefinite { unknown } => SolveError::Indefinite { unknown },
+            Self::NotFinite { row } => SolveError::NotFinite { row },
+            Self::RhsNotFinite => SolveError::RhsNotFinite,
+            Self::Parameter(parameter) => SolveError::Parameter(parameter),
+            Self::Inaccurate { residual } => SolveError::Inaccurate { residual },
+            Self::Library { library, reason } => SolveError::Library { library, reason },
+            Self::NotConverged { method, iterations, residual, tolerance, stop_reason } => {
+                SolveError::NotConverged { method, iterations, residual, tolerance, stop_reason }
+            }
+            Self::ZeroDiagonal { row } => SolveError::ZeroDiagonal { row },
+            Self::TooLarge(error) => SolveError::TooLarge(error),
+            Self::Unsupported { backend, what, cure } => SolveError::Unsupported { backend, what, cure },
+            Self::Backend(error) => SolveError::Backend(convert(error)),
+        }
+    }
+}
+
 /// The reason why a Krylov method did not reach its tolerance.
 #[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
 pub enum StopReason {

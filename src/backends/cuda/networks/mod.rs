@@ -283,25 +283,6 @@ impl NetworkBatch {
         [vector, vector, 6 * interior, 6 * pairs, 6 * interior, 9 * (blocks + 1), MODES * vector]
     }
 
-    /// Returns how many networks fit into the free memory beside what is already allocated, at most `wanted`.
-    ///
-    /// # Errors
-    /// Returns the error of the device.
-    pub fn fitting(&self, wanted: usize) -> Result<usize, CudaError> {
-        /// Part of the free memory to use.
-        const SHARE: f64 = 0.8;
-        let held = self.networks.as_ref().map_or(0, |networks| networks.capacity);
-        if wanted <= held {
-            return Ok(wanted);
-        }
-        let free = (SHARE * self.queue.free_bytes()? as f64) as usize + held * self.bytes_per_network();
-        let threads = self.queue.resident_threads(Kernel::Equilibrate)?;
-        // Few networks at a time are better than none.
-        let of_scratch = if self.scratch.is_some() { 0 } else { self.bytes_per_thread() * threads.min(wanted) };
-        let for_networks = free.saturating_sub(of_scratch).max(free / 2);
-        Ok(wanted.min((for_networks / self.bytes_per_network() / LANES * LANES).max(LANES)))
-    }
-
     /// Replaces all networks by `count` others, whose states `write` sets.
     ///
     /// # Errors
@@ -474,7 +455,8 @@ impl NetworkBatch {
             }
             return Ok(());
         }
-        self.networks = None;
+        // The scratch memory may take nearly all memory; it is allocated again for what the networks leave.
+        (self.networks, self.scratch) = (None, None);
         let capacity = count.next_multiple_of(LANES);
         let interior = self.uniform.interior as usize;
         let of_sensitivities = self.sensitivities();
@@ -510,8 +492,15 @@ impl NetworkBatch {
         }
         self.scratch = None;
         let fitting = (0.9 * self.queue.free_bytes()? as f64) as usize / self.bytes_per_thread().max(1);
-        let threads = wanted.min((fitting / BLOCK_THREADS).max(1) * BLOCK_THREADS);
-        let arrays = arrays(self.scratch_lengths(), |per_thread| self.queue.zeros(per_thread * threads))?;
+        let mut threads = wanted.min((fitting / BLOCK_THREADS).max(1) * BLOCK_THREADS);
+        let lengths = self.scratch_lengths();
+        let arrays = loop {
+            match arrays(lengths, |per_thread| self.queue.zeros(per_thread * threads)) {
+                // Another batch may have taken memory in the meantime.
+                Err(_) if threads > BLOCK_THREADS => threads = (threads / 2).next_multiple_of(BLOCK_THREADS),
+                arrays => break arrays?,
+            }
+        };
         self.scratch = Some(Scratch { threads, arrays });
         Ok(())
     }

@@ -8,7 +8,7 @@ use bytemuck::Pod;
 pub(super) const MOST: usize = 6;
 
 /// A number of a block matrix: `f64` or `f32`.
-pub(super) trait Entry: Scalar + Pod {}
+pub(in crate::backends) trait Entry: Scalar + Pod {}
 
 impl<T: Scalar + Pod> Entry for T {}
 
@@ -60,7 +60,7 @@ pub(super) use {with_size, with_sizes};
 
 /// Compressed rows of blocks; the columns of each row ascend, and the entries of a block are stored by columns.
 #[derive(Clone, Debug)]
-pub(super) struct BlockMatrix<T> {
+pub(in crate::backends) struct BlockMatrix<T> {
     /// Rows and columns of a block.
     pub size: (usize, usize),
     /// Number of block columns.

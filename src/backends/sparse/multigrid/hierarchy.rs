@@ -91,6 +91,17 @@ impl<T: Entry> Hierarchy<T> {
         self.unit
     }
 
+    #[cfg(feature = "cuda")]
+    pub fn levels(&self) -> &[Level<T>] {
+        &self.levels
+    }
+
+    /// Returns the number of unknowns of the coarsest level, and the inverse of its matrix by rows.
+    #[cfg(feature = "cuda")]
+    pub fn coarsest_inverse(&mut self) -> Result<(usize, Vec<f64>), Failure> {
+        self.coarsest.inverse()
+    }
+
     /// Applies a V-cycle: `write` fills the right-hand side, `read` gets the solution.
     pub fn apply(&mut self, write: impl FnOnce(&mut [T]), read: impl FnOnce(&[T])) -> Result<(), Failure> {
         let Self { levels, coarsest, unit } = self;
@@ -148,6 +159,31 @@ impl<T: Entry> Coarsest<T> {
         self.matrix.values_mut().iter_mut().zip(entries).for_each(|(to, from)| *to = from);
         self.solver.factor(&self.matrix)?;
         Ok(())
+    }
+
+    #[cfg(feature = "cuda")]
+    fn inverse(&mut self) -> Result<(usize, Vec<f64>), Failure> {
+        /// Right-hand sides that are solved at a time.
+        const COLUMNS: usize = 32;
+        let n = self.matrix.pattern().rows();
+        let mut inverse = vec![0.0; n * n];
+        for first in (0..n).step_by(COLUMNS) {
+            let columns = first..n.min(first + COLUMNS);
+            let unit = |column: usize| {
+                let mut unit = vec![0.0; n];
+                unit[column] = 1.0;
+                Vector::from(unit)
+            };
+            let right: Vec<_> = columns.clone().map(unit).collect();
+            let mut solution = vec![Vector::from(vec![0.0; n]); right.len()];
+            self.solver.solve_many(&right, &mut solution)?;
+            for (column, solution) in columns.zip(&solution) {
+                for (row, &value) in solution.as_slice().iter().enumerate() {
+                    inverse[row * n + column] = value;
+                }
+            }
+        }
+        Ok((n, inverse))
     }
 
     /// Replaces the right-hand side, which is not divided by `unit` while the matrix of the cycle is, by the solution.

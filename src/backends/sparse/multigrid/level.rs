@@ -48,6 +48,8 @@ struct Setup {
     diagonal: Vec<u32>,
     /// The vector of the power iteration.
     dominant: Vec<f64>,
+    /// The estimate of the largest eigenvalue of `D^-1 A`.
+    largest_eigenvalue: f64,
     /// For each block of the restriction, the index of its transpose in the prolongation.
     transposes: Vec<u32>,
     coarse: BlockMatrix<f64>,
@@ -82,6 +84,7 @@ impl<T: Entry> Level<T> {
             prolongation,
             diagonal,
             dominant: start_vector(unknowns),
+            largest_eigenvalue: 1.0,
             transposes,
             coarse,
         };
@@ -110,6 +113,18 @@ impl<T: Entry> Level<T> {
         &self.setup.coarse
     }
 
+    /// Returns the index of the diagonal block of each row.
+    #[cfg(feature = "cuda")]
+    pub fn diagonal(&self) -> &[u32] {
+        &self.setup.diagonal
+    }
+
+    /// Returns an estimate of the largest eigenvalue of `D^-1 A`, with a margin.
+    #[cfg(feature = "cuda")]
+    pub fn largest_eigenvalue(&self) -> f64 {
+        self.setup.largest_eigenvalue
+    }
+
     fn compute(
         &mut self,
         a: &BlockMatrix<f64>,
@@ -117,9 +132,11 @@ impl<T: Entry> Level<T> {
         unit: f64,
         power_iterations: usize,
     ) -> Result<(), SingularBlock> {
-        let Setup { aggregates, tentative, prolongation, diagonal, dominant, transposes, coarse } = &mut self.setup;
+        let Setup { aggregates, tentative, prolongation, diagonal, dominant, largest_eigenvalue, transposes, coarse } =
+            &mut self.setup;
         let inverse = inverses(a, diagonal, |_, _| 0.0)?;
-        let omega = params.damping / (EIGENVALUE_SAFETY * largest_eigenvalue(a, &inverse, dominant, power_iterations));
+        *largest_eigenvalue = EIGENVALUE_SAFETY * estimated_eigenvalue(a, &inverse, dominant, power_iterations);
+        let omega = params.damping / *largest_eigenvalue;
         prolongation.smooth(a, &inverse, aggregates, tentative, omega);
         let p = &prolongation.p;
         self.p.convert_from(p, 1.0);
@@ -156,7 +173,7 @@ fn start_vector(len: usize) -> Vec<f64> {
 }
 
 /// Estimates the largest eigenvalue of `D^-1 A` by power iterations from `x`, which is replaced.
-fn largest_eigenvalue(a: &BlockMatrix<f64>, inverse: &[f64], x: &mut [f64], iterations: usize) -> f64 {
+fn estimated_eigenvalue(a: &BlockMatrix<f64>, inverse: &[f64], x: &mut [f64], iterations: usize) -> f64 {
     let size = a.size.0;
     let (mut y, mut estimate) = (vec![0.0; x.len()], 1.0);
     let mut length = norm(x);

@@ -58,6 +58,8 @@ mod galerkin;
 mod hierarchy;
 mod level;
 mod nodes;
+#[cfg(feature = "cuda")]
+mod parts;
 mod precondition;
 mod prolongation;
 mod smoother;
@@ -68,9 +70,13 @@ use super::{Failure, Matrix, Vector};
 use crate::backends::checks::{check_pattern, check_size};
 use crate::las::{Scalar, SolveError, Sparsity, Symmetry};
 use crate::parallel;
+#[cfg(feature = "cuda")]
+pub(in crate::backends) use blocks::{BlockMatrix as Blocks, Entry};
 use blocks::{BlockMatrix, MOST, padded};
 use hierarchy::{Hierarchy, SetupError};
 use nodes::Nodes;
+#[cfg(feature = "cuda")]
+pub(in crate::backends) use parts::{LevelParts, Parts};
 pub(super) use precondition::preconditioner;
 use prolongation::NodeModes;
 
@@ -193,7 +199,7 @@ impl Multigrid {
     }
 
     /// Builds the hierarchy for the matrix copied last.
-    fn build(&mut self) -> Result<(), Failure> {
+    pub(in crate::backends) fn build(&mut self) -> Result<(), Failure> {
         self.hierarchy = None;
         let modes = self.node_modes();
         let Self { a, params, symmetry, .. } = self;
@@ -217,7 +223,7 @@ impl Multigrid {
     }
 
     /// Computes the numbers of the hierarchy for the matrix copied last.
-    fn refresh(&mut self) -> Result<(), Failure> {
+    pub(in crate::backends) fn refresh(&mut self) -> Result<(), Failure> {
         let Some(mut hierarchy) = self.hierarchy.take() else { return self.build() };
         let updated = with_hierarchy!(&mut hierarchy, h => h.update(&self.a, &self.params));
         updated.map_err(|error| self.failed(error))?;
@@ -226,7 +232,7 @@ impl Multigrid {
     }
 
     /// Copies the values of a matrix.
-    fn copy_matrix<T: Scalar>(&mut self, a: &Matrix<T>) -> Result<(), Failure> {
+    pub(in crate::backends) fn copy_matrix<T: Scalar>(&mut self, a: &Matrix<T>) -> Result<(), Failure> {
         check_pattern(a.pattern(), &self.pattern)?;
         self.nodes.copy_values(&self.pattern, a.values(), &mut self.a);
         Ok(())

@@ -29,9 +29,10 @@ pub(super) fn on_scale<C: Ranks>(
 ) -> Result<Option<Outcome>, Failure> {
     match scales.name(scales.own()) {
         MICRO => {
-            // PETSc solves only for the body, on all its ranks. The RVEs then use the first compiled backend, which
-            // `ProgramBackend::Micro` of PETSc must equal.
-            let backend = run.backend.filter(|&name| name != BackendName::Petsc.as_str());
+            // PETSc and CUDA solve only for the body. The RVEs then use the first compiled backend, which
+            // `ProgramBackend::Micro` of these must equal.
+            let of_body = [BackendName::Petsc, BackendName::Cuda].map(BackendName::as_str);
+            let backend = run.backend.filter(|name| !of_body.contains(name));
             return dispatch(backend, MicroRank { world, scales, run });
         }
         MACRO => {}

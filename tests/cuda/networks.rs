@@ -1,0 +1,275 @@
+//! Checks of networks on the device.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use biotissue::app::case::Case;
+use biotissue::app::results::log::{self, Event};
+use biotissue::app::results::{LOADS_FILE, LOG_FILE};
+use biotissue::app::run::Simulation;
+use biotissue::backends::cuda::Device;
+use biotissue::backends::sparse::Sparse;
+use biotissue::device::RveBatch;
+use biotissue::fiber::equilibrium::{EquilibriumParams, Stage, converges_to, equilibrate};
+use biotissue::fiber::law::{FiberMaterial, Law};
+use biotissue::fiber::network::generate::{delaunay, voronoi};
+use biotissue::fiber::network::{Network, file};
+use biotissue::fiber::rve::{Rve, RveModel, StressScale};
+use biotissue::fiber::workspace::Workspace;
+use biotissue::las::conformance::Random;
+use nalgebra::Matrix3;
+use rayon::prelude::*;
+
+use crate::Check;
+
+pub const CHECKS: &[Check] = &[
+    ("networks_laws", laws),
+    ("networks_robustness", robustness),
+    ("networks_published", published),
+    ("networks_continuation", continuation),
+    ("networks_repeatable", repeatable),
+    ("networks_two_scale", two_scale),
+];
+
+type Model = RveModel<Sparse>;
+
+fn model_of(network: Network, law: Law) -> Model {
+    let material = FiberMaterial { law, radius: 3.5e-8, density: None };
+    RveModel::new(&(), Arc::new(network), Some(material), StressScale::FiberVolumeFraction(0.01)).unwrap()
+}
+
+fn exponential() -> Law {
+    Law::Exponential { youngs_modulus: 1.0e7, nonlinearity: 1.2 }
+}
+
+/// Deformation gradients within `size` of the identity, with positive determinants.
+fn gradients(count: usize, size: f64, random: &mut Random) -> Vec<Matrix3<f64>> {
+    let mut gradients = Vec::new();
+    while gradients.len() < count {
+        let gradient = Matrix3::identity() + Matrix3::from_fn(|_, _| size * random.signed());
+        if gradient.determinant() > 0.05 {
+            gradients.push(gradient);
+        }
+    }
+    gradients
+}
+
+fn batch_of(device: &Device, model: &Model, predicts: bool) -> RveBatch {
+    RveBatch::new(device, model, predicts).unwrap().unwrap()
+}
+
+/// Compares the components of a tensor, relative to the largest.
+fn near(found: &[f64], expected: &[f64], what: &str) {
+    let size = expected.iter().fold(0.0, |size: f64, x| size.max(x.abs()));
+    for (found, expected) in found.iter().zip(expected) {
+        assert!((found - expected).abs() <= 1e-9 * size, "{what}: {found:e} instead of {expected:e}, of {size:e}");
+    }
+}
+
+/// Solves from these states on the device and one by one, and compares; returns how many the device left.
+fn compare(device: &Device, model: &Model, states: &mut [Rve], targets: &[Matrix3<f64>], predicts: bool) -> usize {
+    let params = EquilibriumParams::default();
+    let mut of_device = states.to_vec();
+    let mut all: Vec<&mut Rve> = of_device.iter_mut().collect();
+    let found = batch_of(device, model, predicts).solve(&mut all, targets, &params).unwrap();
+    let inputs = states.par_iter_mut().zip(&of_device).zip(&found).zip(targets);
+    let left = inputs.map_init(
+        || Workspace::new(&(), model).unwrap(),
+        |workspace, (((rve, of_device), found), target)| {
+            let before = rve.clone();
+            let solved = equilibrate(model, rve, target, &params, workspace);
+            let Some(found) = found else {
+                let by_newton_alone = solved.is_ok_and(|solved| {
+                    let report = solved.report();
+                    let is_definite = report.indefinite == 0 && !report.neutral;
+                    report.stage == Some(Stage::Newton) && is_definite && report.iterations <= 30
+                });
+                assert!(!by_newton_alone, "left at {target}");
+                assert_eq!(*of_device, before, "the state of a network that was left is unchanged");
+                return 1;
+            };
+            let mut solved = solved.unwrap_or_else(|error| panic!("{error} at {target}"));
+            if solved.report().stage == Some(Stage::Newton) {
+                assert_eq!(found.iterations, solved.report().iterations, "iterations at {target}");
+            }
+            near(found.pk1.as_slice(), solved.pk1().as_slice(), "stress");
+            near(&[found.energy], &[solved.energy()], "energy");
+            near(found.tangent.as_slice(), solved.tangent().unwrap().as_slice(), "tangent");
+            if predicts {
+                solved.keep_sensitivities().unwrap();
+            }
+            drop(solved);
+            near(of_device.interior().as_flattened(), rve.interior().as_flattened(), "positions");
+            assert_eq!(of_device.has_sensitivities(), predicts);
+            0
+        },
+    );
+    left.sum()
+}
+
+fn laws(device: &Device) {
+    let (youngs_modulus, nonlinearity) = (1.0e7, 1.2);
+    let laws = [
+        Law::Linear { youngs_modulus },
+        exponential(),
+        Law::ExponentialStretch { youngs_modulus, nonlinearity, transition: 1.05 },
+        exponential().with_buckling(0.1, 0.02),
+    ];
+    for law in laws {
+        for predicts in [false, true] {
+            let model = model_of(delaunay(60, 7).unwrap(), law.clone());
+            let mut random = Random::new(3);
+            let mut states = vec![Rve::at_rest(model.network()); 300];
+            for size in [0.03, 0.04, 0.05] {
+                let targets = gradients(states.len(), size, &mut random);
+                let left = compare(device, &model, &mut states, &targets, predicts);
+                assert!(left < 60, "{left} of 300 were left with {law:?}");
+            }
+        }
+    }
+}
+
+/// Networks of several kinds and sizes, small and large deformations: each case is solved like alone, or left.
+fn robustness(device: &Device) {
+    let mut random = Random::new(11);
+    let (mut cases, mut left) = (0, 0);
+    for seed in 0..6 {
+        let networks = [delaunay(8 + 40 * seed as usize, seed).unwrap(), voronoi(6 + 4 * seed as usize, seed).unwrap()];
+        for network in networks {
+            let model = model_of(network, exponential());
+            for size in [1e-4, 0.05, 0.2] {
+                let mut states = vec![Rve::at_rest(model.network()); 40];
+                let targets = gradients(states.len(), size, &mut random);
+                cases += states.len();
+                left += compare(device, &model, &mut states, &targets, true);
+            }
+        }
+    }
+    println!("       {left} of {cases} cases were left to the processor");
+}
+
+/// The published network, cold and warm.
+fn published(device: &Device) {
+    let Some(folder) = std::env::var_os("BIOTISSUE_NETWORKS") else {
+        println!("       skipped: BIOTISSUE_NETWORKS names no folder");
+        return;
+    };
+    let network = Arc::new(file::read(&Path::new(&folder).join("Network_2_7.txt")).unwrap().network);
+    let model = Model::new(&(), network, None, StressScale::Raw).unwrap();
+    let mut random = Random::new(4);
+    let mut states = vec![Rve::at_rest(model.network()); 500];
+    for size in [0.05, 0.06] {
+        let targets = gradients(states.len(), size, &mut random);
+        let left = compare(device, &model, &mut states, &targets, true);
+        assert!(left < 100, "{left} of 500 were left");
+    }
+}
+
+fn continuation(device: &Device) {
+    let model = model_of(delaunay(80, 9).unwrap(), exponential());
+    let params = EquilibriumParams::default();
+    let mut workspace = Workspace::new(&(), &model).unwrap();
+    let mut random = Random::new(5);
+    let rest = Rve::at_rest(model.network());
+    let mut reached = Vec::new();
+    for (number, target) in gradients(200, 0.12, &mut random).iter().enumerate() {
+        let mut rve = rest.clone();
+        equilibrate(&model, &mut rve, target, &params, &mut workspace).unwrap();
+        if number % 4 == 0 {
+            // Not an equilibrium to which Newton leads.
+            let mut interior = rve.interior().to_vec();
+            interior[0][1] += 0.05;
+            rve = Rve::restored(*target, interior, None);
+        }
+        reached.push(rve);
+    }
+    let mut batch = batch_of(device, &model, true);
+    let found = batch.converge_to(&vec![&rest; reached.len()], &reached.iter().collect::<Vec<_>>(), &params).unwrap();
+    for (number, (rve, found)) in reached.iter().zip(found).enumerate() {
+        let expected = converges_to(&model, &rest, rve, &params.newton, &mut workspace);
+        assert_eq!(found, expected, "network {number}");
+    }
+}
+
+/// The result of a network has the same bits in every run, at every place of a batch, and beside any others.
+fn repeatable(device: &Device) {
+    let model = model_of(delaunay(100, 2).unwrap(), exponential());
+    let params = EquilibriumParams::default();
+    let mut random = Random::new(6);
+    let targets = gradients(3_000, 0.06, &mut random);
+    let mut batch = batch_of(device, &model, true);
+    let mut solve = |targets: &[Matrix3<f64>]| {
+        let mut rves = vec![Rve::at_rest(model.network()); targets.len()];
+        let solved = batch.solve(&mut rves.iter_mut().collect::<Vec<_>>(), targets, &params).unwrap();
+        let responses: Vec<_> = solved.into_iter().map(|found| found.map(|found| (found.pk1, found.tangent))).collect();
+        (rves, responses)
+    };
+    let first = solve(&targets);
+    let second = solve(&targets);
+    assert!(first == second, "another run has other bits");
+    let backward: Vec<Matrix3<f64>> = targets.iter().skip(17).rev().copied().collect();
+    let (rves, responses) = solve(&backward);
+    for (number, (rve, response)) in rves.iter().zip(&responses).enumerate() {
+        let place = targets.len() - 1 - number;
+        assert!(*rve == first.0[place] && *response == first.1[place], "network {place} has other bits elsewhere");
+    }
+}
+
+/// A body with networks at its points: the same reactions with the device and without.
+fn two_scale(_: &Device) {
+    let folder = tempfile::tempdir().unwrap();
+    for seed in 1..=3 {
+        file::write(&folder.path().join(format!("network_{seed}.txt")), &delaunay(40, seed).unwrap()).unwrap();
+    }
+    let run = |device: &str| {
+        let text = format!(
+            r#"
+            [mesh]
+            generate = {{ shape = "box", cells = [4, 4, 4], size = [1.0, 1.0, 1.0] }}
+            [[region]]
+            name = "*"
+            [region.material]
+            model = "fiber-rve"
+            networks = ["network_*.txt"]
+            fiber_volume_fraction = 0.003
+            law = {{ name = "exponential", youngs_modulus = 1.0e8, radius = 5.0e-8, nonlinearity = 1.2 }}
+            matrix = {{ model = "neo-hookean", shear_modulus = 1000.0, poisson_ratio = 0.3 }}
+            [[boundary]]
+            surface = "x0"
+            displacement = {{ x = 0.0, y = 0.0, z = 0.0 }}
+            [[boundary]]
+            surface = "x1"
+            displacement = {{ x = 0.2, y = 0.05, z = 0.0 }}
+            [steps]
+            count = 3
+            [newton]
+            tolerance = 1e-12
+            [micro]
+            device = "{device}"
+            "#
+        );
+        let file = folder.path().join(format!("{device}.toml"));
+        std::fs::write(&file, text).unwrap();
+        let case = Case::read(&file).unwrap_or_else(|errors| panic!("{errors}")).case;
+        let out = folder.path().join(device);
+        let mut simulation = Simulation::<Sparse>::new((), case).unwrap_or_else(|error| panic!("{error}"));
+        simulation.run(&out, &mut ()).unwrap_or_else(|error| panic!("{error}"));
+        let loads = std::fs::read_to_string(out.join(LOADS_FILE)).unwrap();
+        let events = log::read(&out.join(LOG_FILE)).unwrap();
+        let rves: Vec<_> =
+            events.into_iter().filter_map(|event| if let Event::Step(step) = event { step.rve } else { None }).collect();
+        (loads, rves)
+    };
+    let (expected, alone) = run("none");
+    let (found, batches) = run("cuda");
+    for (found, expected) in found.lines().zip(expected.lines()).skip(1) {
+        let numbers = |line: &str| line.split(',').filter_map(|text| text.parse().ok()).collect::<Vec<f64>>();
+        near(&numbers(found), &numbers(expected), "reactions");
+    }
+    for (found, expected) in batches.iter().zip(&alone) {
+        assert_eq!((found.solves, found.iterations_total), (expected.solves, expected.iterations_total));
+        assert_eq!((found.verified, found.replaced), (expected.verified, expected.replaced));
+        assert!(found.in_batches > found.solves * 9 / 10, "{} of {}", found.in_batches, found.solves);
+        assert_eq!(expected.in_batches, 0);
+    }
+}
