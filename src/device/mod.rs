@@ -74,7 +74,8 @@ fn law_data(law: &Law) -> Option<LawData> {
     Some(LawData { formula, buckling: None })
 }
 
-/// Returns the network of a model for the kernels.
+/// Returns the network of a model for the kernels; `None` if they cannot evaluate a law, or if an interior node has no
+/// fiber.
 fn network_data<B: RealBackend>(model: &RveModel<B>) -> Option<NetworkData> {
     let (truss, network) = (model.truss(), model.network());
     let mut laws = Vec::new();
@@ -84,6 +85,11 @@ fn network_data<B: RealBackend>(model: &RveModel<B>) -> Option<NetworkData> {
         laws.push(law_data(law)?);
     }
     let interior = network.interior().len();
+    let mut has_fiber = vec![false; network.nodes().len()];
+    truss.ends().as_flattened().iter().for_each(|&node| has_fiber[node as usize] = true);
+    if !network.interior().iter().all(|&node| has_fiber[node as usize]) {
+        return None;
+    }
     let mut number = vec![0; network.nodes().len()];
     for (place, &node) in (0..).zip(network.interior().iter().chain(network.boundary())) {
         number[node as usize] = place;

@@ -152,7 +152,9 @@ fn measure(device: &Device, name: &str, network: Network, counts: &[usize]) -> O
         1e-3 * batch.networks().bytes_per_network() as f64,
         1e-3 * batch.networks().bytes_per_thread() as f64,
     );
-    println!("| networks | cold /s | warm /s | iterations | TFLOP/s | TB/s | with states: cold /s | warm /s | deviation |");
+    println!(
+        "| networks | cold /s | warm /s | iterations | TFLOP/s | TB/s | with states: cold /s | warm /s | deviation |"
+    );
     println!("|---:|---:|---:|---|---:|---:|---:|---:|---:|");
     let cores = rayon::current_num_threads();
     let sample = ((4e8 / operations) as usize * cores / 8).clamp(64, 8_000);

@@ -161,7 +161,7 @@ fn published(device: &Device) {
     for size in [0.05, 0.06] {
         let targets = gradients(states.len(), size, &mut random);
         let left = compare(device, &model, &mut states, &targets, true);
-        assert!(left < 100, "{left} of 500 were left");
+        assert!(left < 250, "{left} of 500 were left");
     }
 }
 
@@ -256,8 +256,10 @@ fn two_scale(_: &Device) {
         simulation.run(&out, &mut ()).unwrap_or_else(|error| panic!("{error}"));
         let loads = std::fs::read_to_string(out.join(LOADS_FILE)).unwrap();
         let events = log::read(&out.join(LOG_FILE)).unwrap();
-        let rves: Vec<_> =
-            events.into_iter().filter_map(|event| if let Event::Step(step) = event { step.rve } else { None }).collect();
+        let rves: Vec<_> = events
+            .into_iter()
+            .filter_map(|event| if let Event::Step(step) = event { step.rve } else { None })
+            .collect();
         (loads, rves)
     };
     let (expected, alone) = run("none");

@@ -2,9 +2,8 @@
 
 use std::process::Command;
 
-use super::layout::{KERNELS, Uniform, source};
+use super::layout::{KERNELS, Uniform, Variant, source};
 use super::queue::Kernel;
-use super::schedule::TileShape;
 
 /// The library of the kernels.
 pub(super) struct Emulation {
@@ -13,11 +12,12 @@ pub(super) struct Emulation {
 
 impl Emulation {
     /// Compiles the kernels by the C++ compiler of the machine; `None` if there is none.
-    pub(super) fn new(shape: TileShape) -> Option<Self> {
+    pub(super) fn new(variant: Variant) -> Option<Self> {
         let folder = tempfile::tempdir().unwrap();
         let (path, library) = (folder.path().join("kernel.cpp"), folder.path().join("kernel.so"));
-        std::fs::write(&path, source(shape)).unwrap();
-        let options = ["-std=c++17", "-O1", "-DEMULATE", "-shared", "-fPIC", "-Wno-unknown-pragmas", "-o"];
+        std::fs::write(&path, source(variant)).unwrap();
+        let options =
+            ["-std=c++17", "-O1", "-march=native", "-DEMULATE", "-shared", "-fPIC", "-Wno-unknown-pragmas", "-o"];
         let compiler = std::env::var("CXX").unwrap_or_else(|_| "c++".into());
         let output = Command::new(compiler).args(options).args([&library, &path]).output().ok()?;
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));

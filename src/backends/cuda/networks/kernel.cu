@@ -8,8 +8,12 @@
 //
 // Interior nodes are numbered by their place in the elimination order; boundary nodes follow them.
 
+typedef unsigned u32;
+typedef unsigned long long u64;
+
 #ifdef EMULATE
 #include <cmath>
+#include <cstring>
 #define DEVICE static inline
 #define RESTRICT
 // Each kernel becomes a function that executes all threads in turn.
@@ -22,7 +26,18 @@
 #define THREAD thread
 DEVICE double add(double a, double b) { return a + b; }
 DEVICE double multiply(double a, double b) { return a * b; }
-using std::expm1, std::fabs, std::floor, std::fmax, std::fmin, std::isfinite, std::sqrt;
+DEVICE double near_inverse_root(double x) { return 1.0f / std::sqrt((float)x); }
+DEVICE u64 bits_of(double x) {
+    u64 bits;
+    std::memcpy(&bits, &x, sizeof bits);
+    return bits;
+}
+DEVICE double from_bits(u64 bits) {
+    double x;
+    std::memcpy(&x, &bits, sizeof x);
+    return x;
+}
+using std::fma, std::fabs, std::floor, std::fmax, std::fmin, std::isfinite, std::sqrt;
 #else
 #define KERNEL(name) extern "C" __global__ void __launch_bounds__(BLOCK_THREADS) name(const Uniform u)
 #define DEVICE __device__ __forceinline__
@@ -30,6 +45,14 @@ using std::expm1, std::fabs, std::floor, std::fmax, std::fmin, std::isfinite, st
 #define THREAD ((u64)blockIdx.x * blockDim.x + threadIdx.x)
 DEVICE double add(double a, double b) { return __dadd_rn(a, b); }
 DEVICE double multiply(double a, double b) { return __dmul_rn(a, b); }
+// About 22 bits of 1 / sqrt(x).
+DEVICE double near_inverse_root(double x) {
+    double root;
+    asm("rsqrt.approx.ftz.f64 %0, %1;" : "=d"(root) : "d"(x));
+    return root;
+}
+DEVICE u64 bits_of(double x) { return __double_as_longlong(x); }
+DEVICE double from_bits(u64 bits) { return __longlong_as_double(bits); }
 #endif
 
 // Lanes of a tile.
@@ -48,19 +71,16 @@ DEVICE double multiply(double a, double b) { return __dmul_rn(a, b); }
 // Strain modes.
 #define MODES 6
 
-typedef unsigned u32;
-typedef unsigned long long u64;
 
 // What is the same for all networks of a batch. The layout is that of `Uniform` in `layout.rs`.
 struct Uniform {
     // The network.
     const u32 *fiber_ends;        // two nodes a fiber
-    const double *fiber_sizes;    // four numbers a fiber: length, area, area over length, volume
+    const double *fiber_sizes;    // FIBER_LEN numbers a fiber: length and its inverse, area, area over length, volume
     const u32 *fiber_laws;        // a law a fiber
     const double *laws;           // LAW_LEN numbers a law
     const double *boundary;       // three reference coordinates a boundary node
-    const u32 *incident_start;    // by node, one entry more than there are nodes
-    const u32 *incident;          // INCIDENT_LEN numbers for each end of a fiber at a node
+    const u32 *incidents;         // INCIDENT_LEN numbers for each end of a fiber at a node, node after node
     // The schedule; `schedule.rs` describes the three lists.
     const u32 *factor;
     const u32 *forward;
@@ -93,20 +113,33 @@ struct Uniform {
     u64 networks;
     u64 first;                    // the first network of this launch
     u32 interior, nodes, fibers, blocks, pairs, tiles;
+    u32 inner_ends, ends;         // ends of fibers at interior nodes, and at all nodes
     u32 max_iterations, max_backtracks, memory, wants_tangent;
     double tolerance, floor, sufficient_decrease, excessive_force;
 };
 
-// An end of a fiber at a node: the fiber, the node at its other end, the pair of interior nodes to which the block of the
-// fiber is added (NONE if that is done at the other end, or the other node is on the boundary), and whether the fiber is
-// the first of this pair.
-#define INCIDENT_LEN 4
+// An end of a fiber at a node: this node, the node at the other end, the fiber, the pair of interior nodes to which the
+// block of the fiber is added (NONE if that is done at the other end, or the other node is on the boundary), whether the
+// fiber is the first of this pair, and whether the end is the last of its node.
+#define INCIDENT_LEN 6
+#define NEAR 0
+#define FAR 1
+#define FIBER 2
+#define PAIR 3
+#define IS_FIRST 4
+#define IS_LAST 5
 
-// Numbers of a law: kind, modulus, nonlinearity, transition; then whether it buckles, residual stiffness, strain, modulus.
-#define LAW_LEN 8
+#define FIBER_LEN 5
+
+// Numbers of a law: kind, modulus, nonlinearity, transition; then whether it buckles, residual stiffness, strain; modulus
+// over nonlinearity, and the inverses of modulus and strain. ONLY_LAW is the kind of all laws if none buckles.
+#define LAW_LEN 10
 #define LAW_LINEAR 0
 #define LAW_EXPONENTIAL 1
 #define LAW_EXPONENTIAL_STRETCH 2
+
+// Fibers that are evaluated side by side, so that one does not wait for the arithmetic of the other.
+#define AT_ONCE 2
 
 // Numbers of a result.
 #define STATUS 0
@@ -211,74 +244,136 @@ DEVICE void spin(int w, const double *x, double *v) {
     v[2] = w == 0 ? x[1] : w == 1 ? -x[0] : 0.0;
 }
 
+// The root of a positive number to rounding, and its inverse. Like the functions below it has no branch, so that the
+// compiler can order the operations of several fibers.
+DEVICE void root_of(double x, double &root, double &inverse) {
+    double r = near_inverse_root(x);
+    double e = fma(-x * r, r, 1.0);
+    r = fma(r * e, fma(0.375, e, 0.5), r);
+    root = x * r;
+    root = fma(fma(-root, root, x), 0.5 * r, root);
+    inverse = fma(r, fma(-root, r, 1.0), r);
+}
+
+// The quotient to rounding; `inverse` is that of `b`.
+DEVICE double quotient(double a, double b, double inverse) {
+    double q = a * inverse;
+    return fma(fma(-q, b, a), inverse, q);
+}
+
+// exp(x) - 1, as `fiber::law::exp_m1` computes it.
+DEVICE double growth_of(double x) {
+    const double round = 6755399441055744.0;
+    double bounded = x > 710.0 ? 710.0 : x;
+    bounded = bounded < -50.0 ? -50.0 : bounded;
+    double shifted = fma(bounded, 1.4426950408889634, round);
+    double k = shifted - round;
+    double half_power = from_bits((bits_of(shifted) << 52) + (1022ull << 52));
+    double high = fma(-k, 6.931471803691238e-1, bounded), low = k * 1.9082149292705877e-10;
+    double r = high - low, lost = (high - r) - low;
+    double r2 = r * r, r4 = r2 * r2;
+    double a = fma(fma(1.0 / 120.0, r, 1.0 / 24.0), r2, fma(1.0 / 6.0, r, 1.0 / 2.0));
+    double b = fma(fma(1.0 / 362880.0, r, 1.0 / 40320.0), r2, fma(1.0 / 5040.0, r, 1.0 / 720.0));
+    double c = fma(fma(1.0 / 6227020800.0, r, 1.0 / 479001600.0), r2, fma(1.0 / 39916800.0, r, 1.0 / 3628800.0));
+    double d = 1.0 / 87178291200.0;
+    double series = fma(fma(d, r4, c), r4 * r4, fma(b, r4, a));
+    double beyond = fma(r2, series, lost);
+    double scaled = fma(half_power, r, half_power - 0.5) + half_power * beyond;
+    double near_zero = fabs(x) < 1e-17 ? x : r + beyond;
+    return k == 0.0 ? near_zero : 2.0 * scaled;
+}
+
+DEVICE int kind_of(const double *law) {
+#ifdef ONLY_LAW
+    return ONLY_LAW;
+#else
+    return (int)law[0];
+#endif
+}
+
+DEVICE bool buckles(const double *law, double stretch) {
+#ifdef ONLY_LAW
+    return false;
+#else
+    return law[4] != 0.0 && stretch < 1.0;
+#endif
+}
+
 // The nominal stress of a fiber and its slope.
 DEVICE void stress_of(const double *law, double stretch, double &stress, double &slope) {
-    double modulus = law[1], b = law[2];
-    if (law[4] != 0.0 && stretch < 1.0) {
-        double r = law[5], w = law[6], e = law[7];
-        double x = (1.0 - stretch) / w;
+    double modulus = law[1], b = law[2], curve = law[7];
+    if (buckles(law, stretch)) {
+        double r = law[5], w = law[6];
+        double x = (1.0 - stretch) * law[9];
         double inside = x > 1.0 ? 1.0 : x, beyond = x - inside, square = inside * inside, lost = 1.0 - r;
-        slope = e * (1.0 - lost * square * (3.0 - 2.0 * inside));
-        stress = -e * w * (inside * (1.0 - lost * square * (1.0 - 0.5 * inside)) + r * beyond);
+        slope = modulus * (1.0 - lost * square * (3.0 - 2.0 * inside));
+        stress = -modulus * w * (inside * (1.0 - lost * square * (1.0 - 0.5 * inside)) + r * beyond);
         return;
     }
-    if (law[0] == LAW_LINEAR) {
+    if (kind_of(law) == LAW_LINEAR) {
         double green = 0.5 * (stretch - 1.0) * (stretch + 1.0);
         stress = modulus * stretch * green;
         slope = modulus * (green + stretch * stretch);
-    } else if (law[0] == LAW_EXPONENTIAL) {
-        double growth = expm1(0.5 * b * (stretch - 1.0) * (stretch + 1.0));
-        stress = modulus / b * growth;
+    } else if (kind_of(law) == LAW_EXPONENTIAL) {
+        double growth = growth_of(0.5 * b * (stretch - 1.0) * (stretch + 1.0));
+        stress = curve * growth;
         slope = modulus * stretch * (growth + 1.0);
     } else {
         double nearest = stretch < 1.0 ? 1.0 : stretch;
         nearest = nearest > law[3] ? law[3] : nearest;
-        double growth = expm1(0.5 * b * (nearest - 1.0) * (nearest + 1.0));
-        slope = modulus * (growth / b + nearest * nearest * (growth + 1.0));
-        stress = modulus / b * nearest * growth + slope * (stretch - nearest);
+        double growth = growth_of(0.5 * b * (nearest - 1.0) * (nearest + 1.0));
+        slope = curve * growth + modulus * nearest * nearest * (growth + 1.0);
+        stress = curve * nearest * growth + slope * (stretch - nearest);
     }
+}
+
+// The integral of exp(B g) - 1 over the strain from `from` to `to`, by Gauss quadrature with eight points.
+DEVICE double integral_of_growth(double b, double from, double to) {
+    const double points[4] = {0.1834346424956498, 0.525532409916329, 0.7966664774136267, 0.9602898564975362};
+    const double weights[4] = {0.362683783378362, 0.3137066458778873, 0.2223810344533745, 0.1012285362903763};
+    double sum = 0.0, middle = 0.5 * (from + to), half = 0.5 * (to - from);
+#pragma unroll
+    for (int k = 0; k < 4; k++) {
+        double low = middle - half * points[k], high = middle + half * points[k];
+        sum += weights[k] * (growth_of(0.5 * b * low * (low + 2.0)) + growth_of(0.5 * b * high * (high + 2.0)));
+    }
+    return half * sum;
 }
 
 // The energy of a fiber per reference volume.
 DEVICE double energy_of(const double *law, double stretch) {
-    double modulus = law[1], b = law[2];
-    if (law[4] != 0.0 && stretch < 1.0) {
-        double r = law[5], w = law[6], e = law[7];
-        double x = (1.0 - stretch) / w;
+    double modulus = law[1], b = law[2], curve = law[7];
+    if (buckles(law, stretch)) {
+        double r = law[5], w = law[6];
+        double x = (1.0 - stretch) * law[9];
         double inside = x > 1.0 ? 1.0 : x, y = x - inside, square = inside * inside, lost = 1.0 - r;
-        return e * w * w * (square * (0.5 - lost * square * (0.25 - 0.1 * inside)) + y * (0.5 * (1.0 + r) + 0.5 * r * y));
+        return modulus * w * w *
+               (square * (0.5 - lost * square * (0.25 - 0.1 * inside)) + y * (0.5 * (1.0 + r) + 0.5 * r * y));
     }
-    if (law[0] == LAW_LINEAR) {
+    if (kind_of(law) == LAW_LINEAR) {
         double green = 0.5 * (stretch - 1.0) * (stretch + 1.0);
         return 0.5 * modulus * green * green;
     }
-    if (law[0] == LAW_EXPONENTIAL) {
-        // Gauss quadrature of the stress; on each panel the exponent grows by at most about 1.
-        const double points[4] = {0.1834346424956498, 0.525532409916329, 0.7966664774136267, 0.9602898564975362};
-        const double weights[4] = {0.362683783378362, 0.3137066458778873, 0.2223810344533745, 0.1012285362903763};
+    if (kind_of(law) == LAW_EXPONENTIAL) {
+        // On each panel the exponent grows by at most about 1. Few fibers need more than one panel.
         double strain = stretch - 1.0;
         double panels = 1.0 + floor(fmin(0.4 * b * (fabs(strain * (stretch + 1.0)) + strain * strain), 4000.0));
+        if (!(panels > 1.0)) return curve * integral_of_growth(b, 0.0, strain);
         double sum = 0.0, width = strain / panels;
-        for (int panel = 0; panel < panels; panel++) {
-            double middle = width * (panel + 0.5), half = 0.5 * width;
-#pragma unroll
-            for (int k = 0; k < 4; k++) {
-                double low = middle - half * points[k], high = middle + half * points[k];
-                sum += half * weights[k] * (expm1(0.5 * b * low * (low + 2.0)) + expm1(0.5 * b * high * (high + 2.0)));
-            }
-        }
-        return modulus / b * sum;
+        for (int panel = 0; panel < panels; panel++) sum += integral_of_growth(b, width * panel, width * (panel + 1));
+        return curve * sum;
     }
     double nearest = stretch < 1.0 ? 1.0 : stretch;
     nearest = nearest > law[3] ? law[3] : nearest;
-    double x = 0.5 * b * (nearest - 1.0) * (nearest + 1.0), growth = expm1(x), beyond = stretch - nearest;
-    double slope = modulus * (growth / b + nearest * nearest * (growth + 1.0));
-    double stress = modulus / b * nearest * growth;
+    double x = 0.5 * b * (nearest - 1.0) * (nearest + 1.0), growth = growth_of(x), beyond = stretch - nearest;
+    double slope = curve * growth + modulus * nearest * nearest * (growth + 1.0);
+    double stress = curve * nearest * growth;
     // exp(x) - 1 - x without cancellation.
     double series = 1.0;
-    for (int k = 16; k >= 3; k--) series = 1.0 + series * x / k;
+#pragma unroll
+    for (int k = 16; k >= 3; k--) series = 1.0 + series * (x * (1.0 / k));
     double remainder = fabs(x) > 0.5 ? growth - x : 0.5 * x * x * series;
-    return modulus / (b * b) * remainder + beyond * (stress + 0.5 * beyond * slope);
+    return curve / b * remainder + beyond * (stress + 0.5 * beyond * slope);
 }
 
 // The arrays of one lane, and its target.
@@ -315,25 +410,39 @@ struct Fiber {
     double ratio; // nominal stress over modulus, by absolute value
 };
 
-DEVICE double length_of(const double *d) {
+DEVICE double square_of_length(const double *d) {
     // Not fused, like the reference lengths of the host, so that the stretch at rest is exactly 1.
-    return sqrt(add(add(multiply(d[0], d[0]), multiply(d[1], d[1])), multiply(d[2], d[2])));
+    return add(add(multiply(d[0], d[0]), multiply(d[1], d[1])), multiply(d[2], d[2]));
 }
 
-DEVICE Fiber fiber_of(const Uniform &u, u32 number, const double *near, const double *far) {
-    const double *sizes = u.fiber_sizes + 4 * number;
+DEVICE Fiber fiber_between(const Uniform &u, u32 number, const double *near, const double *far) {
+    const double *sizes = u.fiber_sizes + FIBER_LEN * number;
     const double *law = u.laws + LAW_LEN * u.fiber_laws[number];
     double d[3] = {far[0] - near[0], far[1] - near[1], far[2] - near[2]};
-    double length = length_of(d), inverse_length = 1.0 / length, stress, slope;
-    stress_of(law, length / sizes[0], stress, slope);
+    double length, inverse_length, stress, slope;
+    root_of(square_of_length(d), length, inverse_length);
+    stress_of(law, quotient(length, sizes[0], sizes[1]), stress, slope);
     Fiber fiber;
-    fiber.force = stress * sizes[1];
+    fiber.force = stress * sizes[2];
     fiber.geometric = fiber.force * inverse_length;
-    fiber.material = slope * sizes[2] - fiber.geometric;
-    fiber.ratio = fabs(stress / law[7]);
+    fiber.material = slope * sizes[3] - fiber.geometric;
+    fiber.ratio = fabs(stress) * law[8];
 #pragma unroll
     for (int i = 0; i < 3; i++) fiber.n[i] = d[i] * inverse_length;
     return fiber;
+}
+
+// The fiber of an incident, as seen from its node at `x`.
+DEVICE Fiber fiber_of(const Uniform &u, const Lane &lane, const u32 *incident, double *x) {
+    double far[3];
+    position_of(u, lane, incident[NEAR], x);
+    position_of(u, lane, incident[FAR], far);
+    return fiber_between(u, incident[FIBER], x, far);
+}
+
+// The number of the incident `k`, or of the last one.
+DEVICE const u32 *incident_at(const Uniform &u, u32 k, u32 end) {
+    return u.incidents + INCIDENT_LEN * (k < end ? k : end - 1);
 }
 
 // The stiffness of a fiber: xx, yx, yy, zx, zy, zz.
@@ -355,38 +464,62 @@ struct Forces {
 // Computes the forces of all nodes and the stiffness; the residual is in `direction`.
 DEVICE Forces evaluate(const Uniform &u, const Lane &lane) {
     Forces forces = {0.0, 0.0, 0.0};
-    for (u32 node = 0; node < u.nodes; node++) {
-        double x[3], sum[3] = {0.0, 0.0, 0.0}, stiffness[6] = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0};
-        position_of(u, lane, node, x);
-        for (u32 k = u.incident_start[node]; k < u.incident_start[node + 1]; k++) {
-            const u32 *incident = u.incident + INCIDENT_LEN * k;
-            double far[3], block[6];
-            position_of(u, lane, incident[1], far);
-            Fiber fiber = fiber_of(u, incident[0], x, far);
+    double sum[3] = {0.0, 0.0, 0.0}, stiffness[6] = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0};
+    for (u32 k = 0; k < u.inner_ends; k += AT_ONCE) {
+        Fiber fibers[AT_ONCE];
+        double x[3];
+#pragma unroll
+        for (u32 j = 0; j < AT_ONCE; j++) fibers[j] = fiber_of(u, lane, incident_at(u, k + j, u.inner_ends), x);
+#pragma unroll
+        for (u32 j = 0; j < AT_ONCE; j++) {
+            if (k + j >= u.inner_ends) break;
+            const u32 *incident = incident_at(u, k + j, u.inner_ends);
+            const Fiber &fiber = fibers[j];
+            double block[6];
             // A NaN counts as the largest.
+            if (!(fiber.ratio <= forces.largest)) forces.largest = fiber.ratio;
+            block_of(fiber, block);
+#pragma unroll
+            for (int i = 0; i < 3; i++) sum[i] -= fiber.force * fiber.n[i];
+#pragma unroll
+            for (int i = 0; i < 6; i++) stiffness[i] += block[i];
+            u32 pair = incident[PAIR];
+            if (pair != NONE) {
+                if (!incident[IS_FIRST]) {
+                    double before[6];
+                    load<6>(lane.edges, 6 * pair, before);
+#pragma unroll
+                    for (int i = 0; i < 6; i++) block[i] += before[i];
+                }
+                store<6>(block, lane.edges, 6 * pair);
+            }
+            if (!incident[IS_LAST]) continue;
+            forces.residual += sum[0] * sum[0] + sum[1] * sum[1] + sum[2] * sum[2];
+            store<3>(sum, lane.direction, 3 * incident[NEAR]);
+            store<6>(stiffness, lane.stiffness, 6 * incident[NEAR]);
+#pragma unroll
+            for (int i = 0; i < 3; i++) sum[i] = 0.0;
+#pragma unroll
+            for (int i = 0; i < 6; i++) stiffness[i] = 0.0;
+        }
+    }
+    forces.scale = forces.residual;
+    for (u32 k = u.inner_ends; k < u.ends; k += AT_ONCE) {
+        Fiber fibers[AT_ONCE];
+        double x[3];
+#pragma unroll
+        for (u32 j = 0; j < AT_ONCE; j++) fibers[j] = fiber_of(u, lane, incident_at(u, k + j, u.ends), x);
+#pragma unroll
+        for (u32 j = 0; j < AT_ONCE; j++) {
+            if (k + j >= u.ends) break;
+            const Fiber &fiber = fibers[j];
             if (!(fiber.ratio <= forces.largest)) forces.largest = fiber.ratio;
 #pragma unroll
             for (int i = 0; i < 3; i++) sum[i] -= fiber.force * fiber.n[i];
-            if (node >= u.interior) continue;
-            block_of(fiber, block);
+            if (!incident_at(u, k + j, u.ends)[IS_LAST]) continue;
+            forces.scale += sum[0] * sum[0] + sum[1] * sum[1] + sum[2] * sum[2];
 #pragma unroll
-            for (int i = 0; i < 6; i++) stiffness[i] += block[i];
-            u32 edge = incident[2];
-            if (edge == NONE) continue;
-            if (!incident[3]) {
-                double before[6];
-                load<6>(lane.edges, 6 * edge, before);
-#pragma unroll
-                for (int i = 0; i < 6; i++) block[i] += before[i];
-            }
-            store<6>(block, lane.edges, 6 * edge);
-        }
-        double square = sum[0] * sum[0] + sum[1] * sum[1] + sum[2] * sum[2];
-        forces.scale += square;
-        if (node < u.interior) {
-            forces.residual += square;
-            store<3>(sum, lane.direction, 3 * node);
-            store<6>(stiffness, lane.stiffness, 6 * node);
+            for (int i = 0; i < 3; i++) sum[i] = 0.0;
         }
     }
     forces.residual = sqrt(forces.residual);
@@ -686,26 +819,37 @@ DEVICE void multiply_fiber(const double *block, const double *v, double *q) {
 
 // Computes the sensitivities of the interior nodes to the six strains into `modes`; requires the factor of the stiffness.
 DEVICE void solve_modes(const Uniform &u, const Lane &lane) {
-    for (u32 node = 0; node < u.interior; node++) {
-        double x[3], loads[3 * MODES];
-        position_of(u, lane, node, x);
+    double loads[3 * MODES];
 #pragma unroll
-        for (int i = 0; i < 3 * MODES; i++) loads[i] = 0.0;
-        for (u32 k = u.incident_start[node]; k < u.incident_start[node + 1]; k++) {
-            const u32 *incident = u.incident + INCIDENT_LEN * k;
-            double far[3], block[6];
-            position_of(u, lane, incident[1], far);
-            block_of(fiber_of(u, incident[0], x, far), block);
-            double d[3] = {x[0] - far[0], x[1] - far[1], x[2] - far[2]};
+    for (int i = 0; i < 3 * MODES; i++) loads[i] = 0.0;
+    for (u32 k = 0; k < u.inner_ends; k += AT_ONCE) {
+        double blocks[AT_ONCE][6], d[AT_ONCE][3];
+#pragma unroll
+        for (u32 j = 0; j < AT_ONCE; j++) {
+            const u32 *incident = incident_at(u, k + j, u.inner_ends);
+            double x[3], far[3];
+            position_of(u, lane, incident[NEAR], x);
+            position_of(u, lane, incident[FAR], far);
+            block_of(fiber_between(u, incident[FIBER], x, far), blocks[j]);
+#pragma unroll
+            for (int i = 0; i < 3; i++) d[j][i] = x[i] - far[i];
+        }
+#pragma unroll
+        for (u32 j = 0; j < AT_ONCE; j++) {
+            if (k + j >= u.inner_ends) break;
 #pragma unroll
             for (int mode = 0; mode < MODES; mode++) {
                 double v[3], q[3];
-                strain(mode, d, v);
-                multiply_fiber(block, v, q);
+                strain(mode, d[j], v);
+                multiply_fiber(blocks[j], v, q);
                 loads[3 * mode] += q[0], loads[3 * mode + 1] += q[1], loads[3 * mode + 2] += q[2];
             }
+            const u32 *incident = incident_at(u, k + j, u.inner_ends);
+            if (!incident[IS_LAST]) continue;
+            store<3 * MODES>(loads, lane.modes, 3 * MODES * incident[NEAR]);
+#pragma unroll
+            for (int i = 0; i < 3 * MODES; i++) loads[i] = 0.0;
         }
-        store<3 * MODES>(loads, lane.modes, 3 * MODES * node);
     }
     solve_forward<MODES>(u, lane, lane.modes);
     solve_backward<MODES>(u, lane, lane.modes);
@@ -750,19 +894,21 @@ DEVICE double products(const Uniform &u, const Lane &lane, double *result) {
     for (int w = 0; w < 3; w++)
 #pragma unroll
         for (int l = 0; l < MODES; l++) spins[w][l] = 0.0;
-    for (u32 node = 0; node < u.nodes; node++) {
-        // The sum over the fibers of K (v - w) is their stiffness times v minus the sum of K w: v takes no registers while
-        // the fibers are visited.
-        double x[3], v[3 * MODES], q[3 * MODES], stiffness[6] = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0};
-        position_of(u, lane, node, x);
+    // The sum over the fibers of K (v - w) is their stiffness times v minus the sum of K w: v takes no registers while the
+    // fibers are visited.
+    double q[3 * MODES], stiffness[6] = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0};
 #pragma unroll
-        for (int i = 0; i < 3 * MODES; i++) q[i] = 0.0;
-        for (u32 k = u.incident_start[node]; k < u.incident_start[node + 1]; k++) {
-            const u32 *incident = u.incident + INCIDENT_LEN * k;
+    for (int i = 0; i < 3 * MODES; i++) q[i] = 0.0;
+    for (u32 k = 0; k < u.ends; k++) {
+        const u32 *incident = u.incidents + INCIDENT_LEN * k;
+        u32 node = incident[NEAR];
+        double x[3], v[3 * MODES];
+        {
             double far[3], w[3 * MODES], block[6];
-            position_of(u, lane, incident[1], far);
-            modes_of(u, lane, incident[1], far, w);
-            block_of(fiber_of(u, incident[0], x, far), block);
+            position_of(u, lane, incident[FAR], far);
+            modes_of(u, lane, incident[FAR], far, w);
+            position_of(u, lane, node, x);
+            block_of(fiber_between(u, incident[FIBER], x, far), block);
 #pragma unroll
             for (int i = 0; i < 6; i++) stiffness[i] += block[i];
 #pragma unroll
@@ -772,6 +918,7 @@ DEVICE double products(const Uniform &u, const Lane &lane, double *result) {
                 q[3 * mode] -= p[0], q[3 * mode + 1] -= p[1], q[3 * mode + 2] -= p[2];
             }
         }
+        if (!incident[IS_LAST]) continue;
         modes_of(u, lane, node, x, v);
 #pragma unroll
         for (int mode = 0; mode < MODES; mode++) {
@@ -796,6 +943,10 @@ DEVICE double products(const Uniform &u, const Lane &lane, double *result) {
                 spins[w][l] += turned[0] * q[3 * l] + turned[1] * q[3 * l + 1] + turned[2] * q[3 * l + 2];
             }
         }
+#pragma unroll
+        for (int i = 0; i < 3 * MODES; i++) q[i] = 0.0;
+#pragma unroll
+        for (int i = 0; i < 6; i++) stiffness[i] = 0.0;
     }
 #pragma unroll
     for (int l = 0; l < MODES; l++) {
@@ -813,22 +964,20 @@ DEVICE void write_stress(const Uniform &u, const Lane &lane, double *result) {
     double stress[9];
 #pragma unroll
     for (int i = 0; i < 9; i++) stress[i] = 0.0;
-    for (u32 node = u.interior; node < u.nodes; node++) {
-        double x[3], sum[3] = {0.0, 0.0, 0.0};
-        position_of(u, lane, node, x);
-        for (u32 k = u.incident_start[node]; k < u.incident_start[node + 1]; k++) {
-            const u32 *incident = u.incident + INCIDENT_LEN * k;
-            double far[3];
-            position_of(u, lane, incident[1], far);
-            Fiber fiber = fiber_of(u, incident[0], x, far);
+    for (u32 k = u.inner_ends; k < u.ends; k += AT_ONCE) {
+        Fiber fibers[AT_ONCE];
+        double x[3];
 #pragma unroll
-            for (int i = 0; i < 3; i++) sum[i] -= fiber.force * fiber.n[i];
+        for (u32 j = 0; j < AT_ONCE; j++) fibers[j] = fiber_of(u, lane, incident_at(u, k + j, u.ends), x);
+#pragma unroll
+        for (u32 j = 0; j < AT_ONCE; j++) {
+            if (k + j >= u.ends) break;
+            const double *rest = u.boundary + 3 * (incident_at(u, k + j, u.ends)[NEAR] - u.interior);
+#pragma unroll
+            for (int p = 0; p < 3; p++)
+#pragma unroll
+                for (int q = 0; q < 3; q++) stress[3 * p + q] -= fibers[j].force * fibers[j].n[p] * rest[q];
         }
-        const double *rest = u.boundary + 3 * (node - u.interior);
-#pragma unroll
-        for (int i = 0; i < 3; i++)
-#pragma unroll
-            for (int j = 0; j < 3; j++) stress[3 * i + j] += sum[i] * rest[j];
     }
 #pragma unroll
     for (int i = 0; i < 9; i++) result[(STRESS + i) * LANES] = stress[i];
@@ -838,18 +987,15 @@ DEVICE void write_stress(const Uniform &u, const Lane &lane, double *result) {
 DEVICE double energy(const Uniform &u, const Lane &lane) {
     double sum = 0.0;
     for (u32 fiber = 0; fiber < u.fibers; fiber++) {
-        double a[3], b[3];
+        double a[3], b[3], length, inverse;
         position_of(u, lane, u.fiber_ends[2 * fiber], a);
         position_of(u, lane, u.fiber_ends[2 * fiber + 1], b);
         double d[3] = {b[0] - a[0], b[1] - a[1], b[2] - a[2]};
-        double stretch = length_of(d) / u.fiber_sizes[4 * fiber];
-        sum += u.fiber_sizes[4 * fiber + 3] * energy_of(u.laws + LAW_LEN * u.fiber_laws[fiber], stretch);
+        const double *sizes = u.fiber_sizes + FIBER_LEN * fiber;
+        root_of(square_of_length(d), length, inverse);
+        sum += sizes[4] * energy_of(u.laws + LAW_LEN * u.fiber_laws[fiber], quotient(length, sizes[0], sizes[1]));
     }
     return sum;
-}
-
-DEVICE void advance(const Uniform &u, const Lane &lane, double a) {
-    for (u32 i = 0; i < 3 * u.interior; i++) lane.trial[(u64)i * LANES] += a * lane.direction[(u64)i * LANES];
 }
 
 DEVICE double distance(const Uniform &u, const Lane &lane, const double *reached) {

@@ -12,8 +12,7 @@ pub(super) struct Uniform {
     pub fiber_laws: u64,
     pub laws: u64,
     pub boundary: u64,
-    pub incident_start: u64,
-    pub incident: u64,
+    pub incidents: u64,
     pub factor: u64,
     pub forward: u64,
     pub backward: u64,
@@ -46,6 +45,8 @@ pub(super) struct Uniform {
     pub blocks: u32,
     pub pairs: u32,
     pub tiles: u32,
+    pub inner_ends: u32,
+    pub ends: u32,
     pub max_iterations: u32,
     pub max_backtracks: u32,
     pub memory: u32,
@@ -69,7 +70,13 @@ pub(super) const BLOCK_THREADS: usize = 128;
 pub(super) const MODES: usize = 6;
 
 /// Numbers of a law.
-pub(super) const LAW_LEN: usize = 8;
+pub(super) const LAW_LEN: usize = 10;
+
+/// Numbers of a fiber.
+pub(super) const FIBER_LEN: usize = 5;
+
+/// Numbers of an end of a fiber.
+pub(super) const INCIDENT_LEN: usize = 6;
 
 /// Numbers of a result, and where its parts are.
 pub(super) const RESULT_LEN: usize = 71;
@@ -91,8 +98,17 @@ const SOURCE: &str = include_str!("kernel.cu");
 pub(super) const KERNELS: [&str; 6] =
     ["equilibrate", "condense", "take_targets", "take_states", "give_states", "give_results"];
 
-/// The kernels with the definitions that precede them.
-pub(super) fn source(shape: TileShape) -> String {
-    let TileShape { columns, rows } = shape;
-    format!("#define BLOCK_THREADS {BLOCK_THREADS}\n#define COLUMNS {columns}\n#define ROWS {rows}\n{SOURCE}")
+/// What the kernels are compiled for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Variant {
+    pub tile: TileShape,
+    /// The kind of all laws, if it is the same and none of them buckles.
+    pub only_law: Option<u32>,
+}
+
+/// Returns the kernels of a variant.
+pub(super) fn source(Variant { tile, only_law }: Variant) -> String {
+    let TileShape { columns, rows } = tile;
+    let only_law = only_law.map(|kind| format!("#define ONLY_LAW {kind}\n")).unwrap_or_default();
+    format!("#define BLOCK_THREADS {BLOCK_THREADS}\n#define COLUMNS {columns}\n#define ROWS {rows}\n{only_law}{SOURCE}")
 }

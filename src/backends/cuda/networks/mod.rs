@@ -24,7 +24,7 @@ use cudarc::driver::{DeviceRepr, ValidAsZeroBits};
 use super::{CudaError, Device};
 use crate::backends::sparse::Sparse;
 use crate::las::{Backend, SolverParams, Sparsity, Symmetry};
-use layout::{BLOCK_THREADS, LANES, LAW_LEN, MODES, RESULT_LEN, Uniform};
+use layout::{BLOCK_THREADS, FIBER_LEN, INCIDENT_LEN, LANES, LAW_LEN, MODES, RESULT_LEN, Uniform, Variant};
 use queue::{Kernel, Memory, Queue, Staging};
 pub use result::{NetworkResult, NetworkResults, Status};
 use schedule::{NONE, Schedule, TileShape};
@@ -51,16 +51,32 @@ pub enum LawFormula {
 }
 
 impl LawData {
+    /// The number of the formula in the kernels.
+    fn kind(&self) -> u32 {
+        match self.formula {
+            LawFormula::Linear { .. } => 0,
+            LawFormula::Exponential { .. } => 1,
+            LawFormula::ExponentialStretch { .. } => 2,
+        }
+    }
+
     fn numbers(&self) -> [f64; LAW_LEN] {
-        let (kind, e, b, transition) = match self.formula {
-            LawFormula::Linear { youngs_modulus } => (0.0, youngs_modulus, 1.0, 1.0),
-            LawFormula::Exponential { youngs_modulus, nonlinearity } => (1.0, youngs_modulus, nonlinearity, 1.0),
+        let (e, b, transition) = match self.formula {
+            LawFormula::Linear { youngs_modulus } => (youngs_modulus, 1.0, 1.0),
+            LawFormula::Exponential { youngs_modulus, nonlinearity } => (youngs_modulus, nonlinearity, 1.0),
             LawFormula::ExponentialStretch { youngs_modulus, nonlinearity, transition } => {
-                (2.0, youngs_modulus, nonlinearity, transition)
+                (youngs_modulus, nonlinearity, transition)
             }
         };
         let (residual, strain) = self.buckling.unwrap_or((1.0, 1.0));
-        [kind, e, b, transition, f64::from(u8::from(self.buckling.is_some())), residual, strain, e]
+        let buckles = f64::from(u8::from(self.buckling.is_some()));
+        [f64::from(self.kind()), e, b, transition, buckles, residual, strain, e / b, 1.0 / e, 1.0 / strain]
+    }
+
+    /// Returns the kind of all laws, if it is the same and none of them buckles.
+    fn only(laws: &[Self]) -> Option<u32> {
+        let kind = laws.first()?.kind();
+        laws.iter().all(|law| law.kind() == kind && law.buckling.is_none()).then_some(kind)
     }
 }
 
@@ -172,13 +188,15 @@ impl NetworkBatch {
     /// # Panics
     /// Panics if the lists of the network have different lengths, or if a fiber has a node or a law that does not exist.
     pub fn new(device: &Device, network: &NetworkData, keeps_sensitivities: bool) -> Result<Self, CudaError> {
-        Self::on(Queue::on(device, TILE)?, network, keeps_sensitivities)
+        let variant = Variant { tile: TILE, only_law: LawData::only(&network.laws) };
+        Self::on(Queue::on(device, variant)?, network, keeps_sensitivities)
     }
 
     /// Makes an empty batch whose kernels run on the processor; `None` without a C++ compiler.
     #[cfg(test)]
     pub(crate) fn emulated(network: &NetworkData, keeps_sensitivities: bool) -> Option<Self> {
-        let queue = Queue::Emulated(Arc::new(emulation::Emulation::new(TILE)?));
+        let variant = Variant { tile: TILE, only_law: LawData::only(&network.laws) };
+        let queue = Queue::Emulated(Arc::new(emulation::Emulation::new(variant)?));
         Some(Self::on(queue, network, keeps_sensitivities).unwrap())
     }
 
@@ -205,8 +223,7 @@ impl NetworkBatch {
             fiber_laws: index(&network.law_of)?,
             laws: number(&network.laws.iter().flat_map(LawData::numbers).collect::<Vec<_>>())?,
             boundary: number(network.boundary.as_flattened())?,
-            incident_start: index(&plan.incident.0)?,
-            incident: index(plan.incident.1.as_flattened())?,
+            incidents: index(plan.incidents.as_flattened())?,
             factor: index(&schedule.factor)?,
             forward: index(&schedule.forward)?,
             backward: index(&schedule.backward)?,
@@ -217,6 +234,8 @@ impl NetworkBatch {
             blocks: schedule.blocks() as u32,
             pairs: plan.pairs as u32,
             tiles: schedule.tiles as u32,
+            inner_ends: plan.inner_ends as u32,
+            ends: plan.incidents.len() as u32,
             ..Uniform::default()
         };
         Ok(Self {
@@ -545,8 +564,10 @@ struct Plan {
     order: Vec<u32>,
     ends: Vec<u32>,
     sizes: Vec<f64>,
-    /// By node: the fibers that end there, as `kernel.cu` stores them.
-    incident: (Vec<u32>, Vec<[u32; 4]>),
+    /// The ends of the fibers, node after node, as `kernel.cu` stores them; those of interior nodes come first.
+    incidents: Vec<[u32; INCIDENT_LEN]>,
+    /// Ends of fibers at interior nodes.
+    inner_ends: usize,
     /// Pairs of interior nodes that fibers connect.
     pairs: usize,
     schedule: Schedule,
@@ -574,11 +595,15 @@ impl Plan {
             .collect();
         pairs.sort_unstable();
         pairs.dedup();
-        let size = |(&length, &area): (&f64, &f64)| [length, area, area / length, area * length];
+        let size = |(&length, &area): (&f64, &f64)| -> [f64; FIBER_LEN] {
+            [length, 1.0 / length, area, area / length, area * length]
+        };
+        let incidents = incidents(nodes, &ends, &pairs);
         Self {
+            inner_ends: incidents.iter().filter(|[node, ..]| is_interior(*node)).count(),
+            incidents,
             sizes: lengths.iter().zip(areas).flat_map(size).collect(),
             schedule: Schedule::new(*interior, &pairs, shape),
-            incident: schedule::flattened(&incidents(nodes, &ends, &pairs)),
             pairs: pairs.len(),
             ends: ends.into_flattened(),
             order,
@@ -595,9 +620,10 @@ impl Plan {
     }
 }
 
-/// Returns for each node the ends of fibers there: the fiber, the node at its other end, the pair of nodes to which this
-/// end adds the stiffness of the fiber, and whether the fiber is the first of the pair.
-fn incidents(nodes: usize, ends: &[[u32; 2]], pairs: &[[u32; 2]]) -> Vec<Vec<[u32; 4]>> {
+/// Returns the ends of the fibers, node after node: the node, the node at the other end, the fiber, the pair of nodes to
+/// which this end adds the stiffness of the fiber, whether the fiber is the first of the pair, and whether the end is the
+/// last of its node.
+fn incidents(nodes: usize, ends: &[[u32; 2]], pairs: &[[u32; 2]]) -> Vec<[u32; INCIDENT_LEN]> {
     let mut incidents = vec![Vec::new(); nodes];
     let mut is_known = vec![false; pairs.len()];
     for (fiber, &[a, b]) in (0..).zip(ends) {
@@ -606,10 +632,13 @@ fn incidents(nodes: usize, ends: &[[u32; 2]], pairs: &[[u32; 2]]) -> Vec<Vec<[u3
             let adds = pair.filter(|_| node < other);
             let is_first = adds.is_some_and(|pair| !std::mem::replace(&mut is_known[pair], true));
             let pair = adds.map_or(NONE, |pair| pair as u32);
-            incidents[node as usize].push([fiber, other, pair, u32::from(is_first)]);
+            incidents[node as usize].push([node, other, fiber, pair, u32::from(is_first), 0]);
         }
     }
-    incidents
+    for [.., is_last] in incidents.iter_mut().filter_map(|of_node| of_node.last_mut()) {
+        *is_last = 1;
+    }
+    incidents.concat()
 }
 
 /// Returns the order in which the backend `sparse` eliminates the nodes.

@@ -6,8 +6,7 @@ use cudarc::driver::{
     CudaFunction, CudaSlice, DevicePtr, DeviceRepr, LaunchConfig, PinnedHostSlice, PushKernelArg, ValidAsZeroBits,
 };
 
-use super::layout::{BLOCK_THREADS, KERNELS, Uniform, source};
-use super::schedule::TileShape;
+use super::layout::{BLOCK_THREADS, KERNELS, Uniform, Variant, source};
 use crate::backends::cuda::{CudaError, Device};
 
 /// The kernels, and where they run.
@@ -59,8 +58,8 @@ pub(super) enum Kernel {
 
 impl Queue {
     /// Compiles the kernels for a device.
-    pub fn on(device: &Device, shape: TileShape) -> Result<Self, CudaError> {
-        let module = device.load(&source(shape))?;
+    pub fn on(device: &Device, variant: Variant) -> Result<Self, CudaError> {
+        let module = device.load(&source(variant))?;
         let mut functions = Vec::new();
         for name in KERNELS {
             functions.push(module.load_function(name).map_err(CudaError::of("find a kernel"))?);
@@ -194,6 +193,7 @@ impl Queue {
     pub fn resident_threads(&self, kernel: Kernel) -> Result<usize, CudaError> {
         match self {
             Self::Device { device, functions } => {
+                device.context().bind_to_thread().map_err(CudaError::of("bind the device to the thread"))?;
                 let blocks = functions[kernel as usize]
                     .occupancy_max_active_blocks_per_multiprocessor(BLOCK_THREADS as u32, 0, None)
                     .map_err(CudaError::of("read the occupancy"))?;

@@ -225,16 +225,6 @@ fn eliminate(nodes: usize, edges: &[[u32; 2]]) -> Vec<Vec<u32>> {
     columns
 }
 
-/// Returns where each list begins in the second return value, which holds all of them.
-pub(super) fn flattened<T: Copy>(lists: &[Vec<T>]) -> (Vec<u32>, Vec<T>) {
-    let mut start = vec![0];
-    start.extend(lists.iter().scan(0, |sum, list| {
-        *sum += list.len() as u32;
-        Some(*sum)
-    }));
-    (start, lists.concat())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
