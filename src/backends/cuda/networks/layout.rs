@@ -2,7 +2,7 @@
 
 use super::schedule::TileShape;
 
-/// What is the same for all networks of a batch: the structure `Uniform` of `kernel.cu`, whose comments say what the
+/// What is the same for all networks of a batch: the structure `Uniform` of `kernels/base.cu`, whose comments say what the
 /// addresses refer to. Addresses are those of the device, or of the host where the kernels are emulated.
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(C)]
@@ -92,7 +92,16 @@ pub(super) const STRESS: usize = 8;
 pub(super) const FORM: usize = 17;
 
 /// The source of the kernels.
-const SOURCE: &str = include_str!("kernel.cu");
+const SOURCE: &str = concat!(
+    include_str!("kernels/base.cu"),
+    include_str!("kernels/laws.cu"),
+    include_str!("kernels/lane.cu"),
+    include_str!("kernels/factor.cu"),
+    include_str!("kernels/solve.cu"),
+    include_str!("kernels/modes.cu"),
+    include_str!("kernels/newton.cu"),
+    include_str!("kernels/kernels.cu"),
+);
 
 /// The names of the kernels.
 pub(super) const KERNELS: [&str; 6] =

@@ -10,129 +10,21 @@
 //! bytes. A network that needs more than Newton's method (its stiffness is not positive definite, the line search fails,
 //! the iterations do not suffice) keeps its state and gets a [`Status`] that says so.
 
+mod data;
 #[cfg(test)]
 mod emulation;
 mod layout;
+mod plan;
 mod queue;
 mod result;
 mod schedule;
 
-use std::sync::Arc;
-
-use cudarc::driver::{DeviceRepr, ValidAsZeroBits};
-
 use super::{CudaError, Device};
-use crate::backends::sparse::Sparse;
-use crate::las::{Backend, SolverParams, Sparsity, Symmetry};
-use layout::{BLOCK_THREADS, FIBER_LEN, INCIDENT_LEN, LANES, LAW_LEN, MODES, RESULT_LEN, Uniform, Variant};
+pub use data::{BatchParams, LawData, LawFormula, NetworkData, NetworkStates};
+use layout::{BLOCK_THREADS, LANES, MODES, RESULT_LEN, Uniform, Variant};
+use plan::{Plan, TILE};
 use queue::{Kernel, Memory, Queue, Staging};
 pub use result::{NetworkResult, NetworkResults, Status};
-use schedule::{NONE, Schedule, TileShape};
-
-/// The law of a fiber: the nominal stress as a function of the stretch, see `fiber::law`.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LawData {
-    /// The law in tension, and in compression if there is no buckling.
-    pub formula: LawFormula,
-    /// Residual stiffness and buckling strain.
-    pub buckling: Option<(f64, f64)>,
-}
-
-/// The formula of a law.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[allow(missing_docs, reason = "the parameters are those of the laws of the same name")]
-pub enum LawFormula {
-    /// See `fiber::law::Linear`.
-    Linear { youngs_modulus: f64 },
-    /// See `fiber::law::Exponential`.
-    Exponential { youngs_modulus: f64, nonlinearity: f64 },
-    /// See `fiber::law::ExponentialStretch`.
-    ExponentialStretch { youngs_modulus: f64, nonlinearity: f64, transition: f64 },
-}
-
-impl LawData {
-    /// The number of the formula in the kernels.
-    fn kind(&self) -> u32 {
-        match self.formula {
-            LawFormula::Linear { .. } => 0,
-            LawFormula::Exponential { .. } => 1,
-            LawFormula::ExponentialStretch { .. } => 2,
-        }
-    }
-
-    fn numbers(&self) -> [f64; LAW_LEN] {
-        let (e, b, transition) = match self.formula {
-            LawFormula::Linear { youngs_modulus } => (youngs_modulus, 1.0, 1.0),
-            LawFormula::Exponential { youngs_modulus, nonlinearity } => (youngs_modulus, nonlinearity, 1.0),
-            LawFormula::ExponentialStretch { youngs_modulus, nonlinearity, transition } => {
-                (youngs_modulus, nonlinearity, transition)
-            }
-        };
-        let (residual, strain) = self.buckling.unwrap_or((1.0, 1.0));
-        let buckles = f64::from(u8::from(self.buckling.is_some()));
-        [f64::from(self.kind()), e, b, transition, buckles, residual, strain, e / b, 1.0 / e, 1.0 / strain]
-    }
-
-    /// Returns the kind of all laws, if it is the same and none of them buckles.
-    fn only(laws: &[Self]) -> Option<u32> {
-        let kind = laws.first()?.kind();
-        laws.iter().all(|law| law.kind() == kind && law.buckling.is_none()).then_some(kind)
-    }
-}
-
-/// The network that all members of a batch share.
-#[derive(Clone, Debug)]
-pub struct NetworkData {
-    /// Number of interior nodes, which move; they have the first numbers.
-    pub interior: usize,
-    /// Reference positions of the boundary nodes, which follow the deformation gradient.
-    pub boundary: Vec<[f64; 3]>,
-    /// The two nodes of each fiber.
-    pub ends: Vec<[u32; 2]>,
-    /// The reference length of each fiber.
-    pub lengths: Vec<f64>,
-    /// The cross-sectional area of each fiber.
-    pub areas: Vec<f64>,
-    /// The law of each fiber, an index into `laws`.
-    pub law_of: Vec<u32>,
-    /// The laws.
-    pub laws: Vec<LawData>,
-}
-
-/// Tolerances and limits of a solution; see [`NewtonParams`](crate::las::NewtonParams).
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct BatchParams {
-    /// Residual norm relative to the forces of all nodes at convergence.
-    pub tolerance: f64,
-    /// Residual norm, in N, at which a network has converged in any case.
-    pub floor: f64,
-    /// Most iterations.
-    pub max_iterations: u32,
-    /// Most reductions of the step length.
-    pub max_backtracks: u32,
-    /// The constant of the sufficient-decrease condition.
-    pub sufficient_decrease: f64,
-    /// Iterates in the sufficient-decrease condition, 1 to 8.
-    pub memory: u32,
-    /// Ratio of the nominal stress of a fiber and its modulus at which the solution stops.
-    pub excessive_force: f64,
-    /// Whether the results have the form of the tangent.
-    pub wants_tangent: bool,
-}
-
-/// The states of networks, one after the other, in memory of the host that the device accesses.
-#[derive(Debug)]
-pub struct NetworkStates<'a> {
-    /// The deformation gradient of each state, row by row.
-    pub gradients: &'a mut [[f64; 9]],
-    /// The positions of the interior nodes, three numbers each.
-    pub positions: &'a mut [f64],
-    /// Eighteen numbers for each interior node: the sensitivities of its position to the six unit strains, minus those of
-    /// the affine motion. Empty if the batch keeps none.
-    pub sensitivities: &'a mut [f32],
-    /// 1 for each network whose next start is predicted from its sensitivities, else 0. Empty if the batch keeps none.
-    pub predicts: &'a mut [f64],
-}
 
 /// Many networks on a device.
 pub struct NetworkBatch {
@@ -158,25 +50,42 @@ struct Host {
     results: Staging<f64>,
 }
 
-/// The memory of the networks: whole tiles.
+/// The memory of the networks.
 struct Networks {
     /// Networks that fit.
     capacity: usize,
     /// Networks that have a state.
     count: usize,
-    /// In the caller's order: gradients, positions, targets, positions to reach, results.
-    caller: [Memory<f64>; 5],
-    caller_sensitivities: Memory<f32>,
-    /// By tiles: gradients, positions, whether the start is predicted, targets, positions to reach, results.
-    tiles: [Memory<f64>; 6],
-    sensitivities: Memory<f32>,
+    in_order: InOrder,
+    in_tiles: InTiles,
     host: Host,
 }
 
-/// The memory of the threads that solve.
+/// What is copied from and to the host: the numbers of the networks one after the other.
+struct InOrder {
+    gradients: Memory<f64>,
+    positions: Memory<f64>,
+    sensitivities: Memory<f32>,
+    targets: Memory<f64>,
+    reached: Memory<f64>,
+    results: Memory<f64>,
+}
+
+/// What the kernels work with: the numbers of the networks of a tile alternate.
+struct InTiles {
+    gradients: Memory<f64>,
+    positions: Memory<f64>,
+    sensitivities: Memory<f32>,
+    predicts: Memory<f64>,
+    targets: Memory<f64>,
+    reached: Memory<f64>,
+    results: Memory<f64>,
+}
+
+/// The memory of the threads that solve: the arrays of [`NetworkBatch::scratch_lengths`], one after the other.
 struct Scratch {
     threads: usize,
-    arrays: [Memory<f64>; 7],
+    memory: Memory<f64>,
 }
 
 impl NetworkBatch {
@@ -196,7 +105,7 @@ impl NetworkBatch {
     #[cfg(test)]
     pub(crate) fn emulated(network: &NetworkData, keeps_sensitivities: bool) -> Option<Self> {
         let variant = Variant { tile: TILE, only_law: LawData::only(&network.laws) };
-        let queue = Queue::Emulated(Arc::new(emulation::Emulation::new(variant)?));
+        let queue = Queue::Emulated(std::sync::Arc::new(emulation::Emulation::new(variant)?));
         Some(Self::on(queue, network, keeps_sensitivities).unwrap())
     }
 
@@ -294,7 +203,8 @@ impl NetworkBatch {
         size_of::<f64>() * self.scratch_lengths().iter().sum::<usize>()
     }
 
-    /// Numbers of the arrays of a thread, in the order of [`Scratch::arrays`].
+    /// Numbers of the arrays of a thread: positions, direction, diagonal and other blocks of the stiffness, diagonal and
+    /// other blocks of the factor, modes.
     fn scratch_lengths(&self) -> [usize; 7] {
         let Uniform { interior, pairs, blocks, .. } = self.uniform;
         let (interior, pairs, blocks) = (interior as usize, pairs as usize, blocks as usize);
@@ -312,13 +222,13 @@ impl NetworkBatch {
         let Some(networks) = &mut self.networks else { return Ok(()) };
         let host = &mut networks.host;
         write(host.states(count, interior, sensitivities)?);
-        let [gradients, positions, ..] = &mut networks.caller;
-        self.queue.write(&host.gradients.values()?[..9 * count], gradients)?;
-        self.queue.write(&host.positions.values()?[..3 * interior * count], positions)?;
+        let in_order = &mut networks.in_order;
+        self.queue.write(&host.gradients.values()?[..9 * count], &mut in_order.gradients)?;
+        self.queue.write(&host.positions.values()?[..3 * interior * count], &mut in_order.positions)?;
         if self.keeps_sensitivities {
             let values = &host.sensitivities.values()?[..sensitivities * count];
-            self.queue.write(values, &mut networks.caller_sensitivities)?;
-            self.queue.write(&host.predicts.values()?[..count], &mut networks.tiles[2])?;
+            self.queue.write(values, &mut in_order.sensitivities)?;
+            self.queue.write(&host.predicts.values()?[..count], &mut networks.in_tiles.predicts)?;
         }
         let uniform = self.of_networks(count);
         self.run(Kernel::TakeStates, &uniform, count)
@@ -333,13 +243,13 @@ impl NetworkBatch {
         self.run(Kernel::GiveStates, &self.of_networks(count), count)?;
         let Some(networks) = &mut self.networks else { return Ok(None) };
         let host = &mut networks.host;
-        let [gradients, positions, ..] = &networks.caller;
-        self.queue.read(gradients, &mut host.gradients.values()?[..9 * count])?;
-        self.queue.read(positions, &mut host.positions.values()?[..3 * interior * count])?;
+        let in_order = &networks.in_order;
+        self.queue.read(&in_order.gradients, &mut host.gradients.values()?[..9 * count])?;
+        self.queue.read(&in_order.positions, &mut host.positions.values()?[..3 * interior * count])?;
         if self.keeps_sensitivities {
             let values = &mut host.sensitivities.values()?[..sensitivities * count];
-            self.queue.read(&networks.caller_sensitivities, values)?;
-            self.queue.read(&networks.tiles[2], &mut host.predicts.values()?[..count])?;
+            self.queue.read(&in_order.sensitivities, values)?;
+            self.queue.read(&networks.in_tiles.predicts, &mut host.predicts.values()?[..count])?;
         }
         Ok(Some(read(host.states(count, interior, sensitivities)?)))
     }
@@ -406,8 +316,8 @@ impl NetworkBatch {
         let Some(networks) = &mut self.networks else { return Ok(self.uniform) };
         let host = &mut networks.host.targets.values()?[..9 * targets.len()];
         host.copy_from_slice(targets.as_flattened());
-        self.queue.write(host, &mut networks.caller[2])?;
-        self.queue.write(reached.unwrap_or_default(), &mut networks.caller[3])?;
+        self.queue.write(host, &mut networks.in_order.targets)?;
+        self.queue.write(reached.unwrap_or_default(), &mut networks.in_order.reached)?;
         let mut uniform = self.of_networks(targets.len());
         if reached.is_none() {
             (uniform.reached, uniform.caller_reached) = (0, 0);
@@ -425,7 +335,7 @@ impl NetworkBatch {
         self.run(Kernel::GiveResults, uniform, count)?;
         let Some(networks) = &mut self.networks else { return Ok(NetworkResults::default()) };
         let host = &mut networks.host.results.values()?[..RESULT_LEN * count];
-        self.queue.read(&networks.caller[4], host)?;
+        self.queue.read(&networks.in_order.results, host)?;
         Ok(NetworkResults::new(host))
     }
 
@@ -441,24 +351,30 @@ impl NetworkBatch {
     /// Returns the data of the kernels for the first networks.
     fn of_networks(&self, count: usize) -> Uniform {
         let mut uniform = Uniform { networks: count as u64, ..self.uniform };
-        if let Some(Networks { caller, caller_sensitivities, tiles, sensitivities, .. }) = &self.networks {
-            let [gradients, positions, targets, reached, results] = caller.each_ref().map(|m| self.queue.address(m));
-            (uniform.caller_gradients, uniform.caller_positions, uniform.caller_targets) =
-                (gradients, positions, targets);
-            (uniform.caller_reached, uniform.caller_results) = (reached, results);
-            let [gradients, positions, predicts, targets, reached, results] =
-                tiles.each_ref().map(|m| self.queue.address(m));
-            (uniform.gradients, uniform.positions, uniform.targets) = (gradients, positions, targets);
-            (uniform.reached, uniform.results) = (reached, results);
+        if let Some(Networks { in_order, in_tiles, .. }) = &self.networks {
+            uniform.caller_gradients = self.queue.address(&in_order.gradients);
+            uniform.caller_positions = self.queue.address(&in_order.positions);
+            uniform.caller_targets = self.queue.address(&in_order.targets);
+            uniform.caller_reached = self.queue.address(&in_order.reached);
+            uniform.caller_results = self.queue.address(&in_order.results);
+            uniform.gradients = self.queue.address(&in_tiles.gradients);
+            uniform.positions = self.queue.address(&in_tiles.positions);
+            uniform.targets = self.queue.address(&in_tiles.targets);
+            uniform.reached = self.queue.address(&in_tiles.reached);
+            uniform.results = self.queue.address(&in_tiles.results);
             if self.keeps_sensitivities {
-                uniform.caller_sensitivities = self.queue.address(caller_sensitivities);
-                uniform.sensitivities = self.queue.address(sensitivities);
-                uniform.has_sensitivities = predicts;
+                uniform.caller_sensitivities = self.queue.address(&in_order.sensitivities);
+                uniform.sensitivities = self.queue.address(&in_tiles.sensitivities);
+                uniform.has_sensitivities = self.queue.address(&in_tiles.predicts);
             }
         }
-        if let Some(Scratch { arrays, .. }) = &self.scratch {
-            let [trial, direction, stiffness, edges, diagonal, lower, modes] =
-                arrays.each_ref().map(|m| self.queue.address(m));
+        if let Some(Scratch { threads, memory }) = &self.scratch {
+            let mut next = self.queue.address(memory);
+            let [trial, direction, stiffness, edges, diagonal, lower, modes] = self.scratch_lengths().map(|length| {
+                let address = next;
+                next += (size_of::<f64>() * length * threads) as u64;
+                address
+            });
             (uniform.trial, uniform.direction, uniform.stiffness) = (trial, direction, stiffness);
             (uniform.edges, uniform.diagonal, uniform.lower) = (edges, diagonal, lower);
             uniform.modes = modes;
@@ -488,17 +404,27 @@ impl NetworkBatch {
             targets: self.queue.staging(9 * capacity)?,
             results: self.queue.staging(RESULT_LEN * capacity)?,
         };
-        let numbers = |per_network: usize| self.queue.zeros::<f64>(per_network * capacity);
-        let singles = || self.queue.zeros::<f32>(of_sensitivities * capacity);
-        self.networks = Some(Networks {
-            capacity,
-            count,
-            caller: arrays([9, 3 * interior, 9, 3 * interior, RESULT_LEN], numbers)?,
-            caller_sensitivities: singles()?,
-            tiles: arrays([9, 3 * interior, 1, 9, 3 * interior, RESULT_LEN], numbers)?,
+        let queue = &self.queue;
+        let numbers = |per_network: usize| queue.zeros::<f64>(per_network * capacity);
+        let singles = || queue.zeros::<f32>(of_sensitivities * capacity);
+        let in_order = InOrder {
+            gradients: numbers(9)?,
+            positions: numbers(3 * interior)?,
             sensitivities: singles()?,
-            host,
-        });
+            targets: numbers(9)?,
+            reached: numbers(3 * interior)?,
+            results: numbers(RESULT_LEN)?,
+        };
+        let in_tiles = InTiles {
+            gradients: numbers(9)?,
+            positions: numbers(3 * interior)?,
+            sensitivities: singles()?,
+            predicts: numbers(1)?,
+            targets: numbers(9)?,
+            reached: numbers(3 * interior)?,
+            results: numbers(RESULT_LEN)?,
+        };
+        self.networks = Some(Networks { capacity, count, in_order, in_tiles, host });
         Ok(())
     }
 
@@ -512,15 +438,15 @@ impl NetworkBatch {
         self.scratch = None;
         let fitting = (0.9 * self.queue.free_bytes()? as f64) as usize / self.bytes_per_thread().max(1);
         let mut threads = wanted.min((fitting / BLOCK_THREADS).max(1) * BLOCK_THREADS);
-        let lengths = self.scratch_lengths();
-        let arrays = loop {
-            match arrays(lengths, |per_thread| self.queue.zeros(per_thread * threads)) {
+        let length: usize = self.scratch_lengths().iter().sum();
+        let memory = loop {
+            match self.queue.zeros(length * threads) {
                 // Another batch may have taken memory in the meantime.
                 Err(_) if threads > BLOCK_THREADS => threads = (threads / 2).next_multiple_of(BLOCK_THREADS),
-                arrays => break arrays?,
+                memory => break memory?,
             }
         };
-        self.scratch = Some(Scratch { threads, arrays });
+        self.scratch = Some(Scratch { threads, memory });
         Ok(())
     }
 }
@@ -537,123 +463,8 @@ impl Host {
     }
 }
 
-fn arrays<T: DeviceRepr + ValidAsZeroBits, const N: usize>(
-    lengths: [usize; N],
-    make: impl Fn(usize) -> Result<Memory<T>, CudaError>,
-) -> Result<[Memory<T>; N], CudaError> {
-    let mut made = Vec::with_capacity(N);
-    for length in lengths {
-        made.push(make(length)?);
-    }
-    made.try_into().map_err(|_| unreachable!("one array for each length"))
-}
-
 impl std::fmt::Debug for NetworkBatch {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("NetworkBatch").field("networks", &self.len()).finish_non_exhaustive()
-    }
-}
-
-/// The tiles of the factorization. Of the shapes whose sums fit into the registers, this one was the fastest on an H200;
-/// `docs/cuda.md` has the measurements.
-const TILE: TileShape = TileShape { columns: 3, rows: 2 };
-
-/// A network with its nodes in the order of elimination.
-struct Plan {
-    /// By place in the order: the interior node.
-    order: Vec<u32>,
-    ends: Vec<u32>,
-    sizes: Vec<f64>,
-    /// The ends of the fibers, node after node, as `kernel.cu` stores them; those of interior nodes come first.
-    incidents: Vec<[u32; INCIDENT_LEN]>,
-    /// Ends of fibers at interior nodes.
-    inner_ends: usize,
-    /// Pairs of interior nodes that fibers connect.
-    pairs: usize,
-    schedule: Schedule,
-}
-
-impl Plan {
-    fn new(network: &NetworkData, shape: TileShape) -> Self {
-        let NetworkData { interior, boundary, ends, lengths, areas, law_of, laws } = network;
-        let nodes = interior + boundary.len();
-        assert!(ends.as_flattened().iter().all(|&node| (node as usize) < nodes), "the nodes of the fibers exist");
-        assert!(law_of.iter().all(|&law| (law as usize) < laws.len()), "the laws of the fibers exist");
-        let fibers = ends.len();
-        assert!([lengths.len(), areas.len(), law_of.len()] == [fibers; 3], "one entry for each fiber");
-        let order = elimination_order(*interior, ends);
-        let mut number: Vec<u32> = (0..nodes as u32).collect();
-        for (place, &node) in order.iter().enumerate() {
-            number[node as usize] = place as u32;
-        }
-        let ends: Vec<[u32; 2]> = ends.iter().map(|ends| ends.map(|node| number[node as usize])).collect();
-        let is_interior = |node: u32| (node as usize) < *interior;
-        let mut pairs: Vec<[u32; 2]> = ends
-            .iter()
-            .filter(|[a, b]| is_interior(*a) && is_interior(*b) && a != b)
-            .map(|&[a, b]| [a.min(b), a.max(b)])
-            .collect();
-        pairs.sort_unstable();
-        pairs.dedup();
-        let size = |(&length, &area): (&f64, &f64)| -> [f64; FIBER_LEN] {
-            [length, 1.0 / length, area, area / length, area * length]
-        };
-        let incidents = incidents(nodes, &ends, &pairs);
-        Self {
-            inner_ends: incidents.iter().filter(|[node, ..]| is_interior(*node)).count(),
-            incidents,
-            sizes: lengths.iter().zip(areas).flat_map(size).collect(),
-            schedule: Schedule::new(*interior, &pairs, shape),
-            pairs: pairs.len(),
-            ends: ends.into_flattened(),
-            order,
-        }
-    }
-
-    /// Returns the bytes that a factorization reads and writes.
-    fn bytes_of_factorization(&self) -> f64 {
-        let (block, diagonal, vector) = (9, 6, 3);
-        let (nodes, blocks) = (self.order.len(), self.schedule.blocks());
-        let read = diagonal * (nodes + self.pairs) + vector * (nodes + blocks) + block * self.schedule.reads();
-        let written = block * blocks + (diagonal + vector) * nodes;
-        (size_of::<f64>() * (read + written)) as f64
-    }
-}
-
-/// Returns the ends of the fibers, node after node: the node, the node at the other end, the fiber, the pair of nodes to
-/// which this end adds the stiffness of the fiber, whether the fiber is the first of the pair, and whether the end is the
-/// last of its node.
-fn incidents(nodes: usize, ends: &[[u32; 2]], pairs: &[[u32; 2]]) -> Vec<[u32; INCIDENT_LEN]> {
-    let mut incidents = vec![Vec::new(); nodes];
-    let mut is_known = vec![false; pairs.len()];
-    for (fiber, &[a, b]) in (0..).zip(ends) {
-        let pair = pairs.binary_search(&[a.min(b), a.max(b)]).ok();
-        for (node, other) in [(a, b), (b, a)] {
-            let adds = pair.filter(|_| node < other);
-            let is_first = adds.is_some_and(|pair| !std::mem::replace(&mut is_known[pair], true));
-            let pair = adds.map_or(NONE, |pair| pair as u32);
-            incidents[node as usize].push([node, other, fiber, pair, u32::from(is_first), 0]);
-        }
-    }
-    for [.., is_last] in incidents.iter_mut().filter_map(|of_node| of_node.last_mut()) {
-        *is_last = 1;
-    }
-    incidents.concat()
-}
-
-/// Returns the order in which the backend `sparse` eliminates the nodes.
-fn elimination_order(interior: usize, ends: &[[u32; 2]]) -> Vec<u32> {
-    let unknowns = |node: u32| {
-        let first = if (node as usize) < interior { 3 * node as i32 } else { -3 };
-        [first, first + 1, first + 2].map(|unknown| unknown.max(-1))
-    };
-    let elements = ends.iter().map(|ends| ends.map(unknowns).concat());
-    let pattern = Sparsity::from_elements(3 * interior, elements.collect::<Vec<_>>());
-    let symbolic = pattern.ok().and_then(|pattern| {
-        Sparse::<f64>::analyze(&(), &Arc::new(pattern), &SolverParams::new(Symmetry::Definite)).ok()
-    });
-    match symbolic {
-        Some(symbolic) => symbolic.order().iter().step_by(3).map(|&unknown| unknown / 3).collect(),
-        None => (0..interior as u32).collect(),
     }
 }
