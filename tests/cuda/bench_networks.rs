@@ -193,7 +193,7 @@ fn measure(device: &Device, name: &str, network: Network, counts: &[usize]) -> O
 pub fn run(device: &Device) {
     if let Some(folder) = std::env::var_os("BIOTISSUE_NETWORKS") {
         let network = file::read(&Path::new(&folder).join("Network_2_7.txt")).unwrap().network;
-        measure(device, "Network_2_7", network, &[1_000, 4_000, 10_000, 33_792, 50_000, 200_000]).unwrap();
+        measure(device, "Network_2_7", network, &[250, 500, 1_000, 10_000, 33_792, 202_752, 405_504]).unwrap();
     }
     measure(device, "Delaunay 300", delaunay(300, 1).unwrap(), &[1_000, 10_000, 33_792, 67_584]).unwrap();
     measure(device, "Delaunay 1000", delaunay(1000, 1).unwrap(), &[1_000, 10_000]).unwrap();

@@ -428,16 +428,23 @@ impl NetworkBatch {
         Ok(())
     }
 
-    /// Allocates memory for as many threads as the device executes at the same time, as its memory holds, or as there are
-    /// networks.
+    /// Allocates memory for as many threads as there are networks, or as the memory holds.
     fn reserve_scratch(&mut self, networks: usize) -> Result<(), CudaError> {
-        let wanted = self.queue.resident_threads(Kernel::Equilibrate)?.min(networks.next_multiple_of(BLOCK_THREADS));
+        /// Threads of a kernel, relative to those that the device executes at the same time. When a block of threads has
+        /// finished, the next one starts; only the last ones leave a part of the device idle.
+        const OVERSUBSCRIPTION: usize = 12;
+        /// Share of the free memory for more threads than the device executes at the same time, and for as many.
+        const SHARES: [f64; 2] = [0.5, 0.9];
+        let resident = self.queue.resident_threads(Kernel::Equilibrate)?;
+        let all = networks.next_multiple_of(BLOCK_THREADS);
+        let wanted = all.min(OVERSUBSCRIPTION * resident);
         if self.scratch.as_ref().is_some_and(|scratch| scratch.threads >= wanted) {
             return Ok(());
         }
         self.scratch = None;
-        let fitting = (0.9 * self.queue.free_bytes()? as f64) as usize / self.bytes_per_thread().max(1);
-        let mut threads = wanted.min((fitting / BLOCK_THREADS).max(1) * BLOCK_THREADS);
+        let free = self.queue.free_bytes()? as f64 / self.bytes_per_thread().max(1) as f64;
+        let [of_many, of_few] = SHARES.map(|share| (share * free) as usize / BLOCK_THREADS * BLOCK_THREADS);
+        let mut threads = wanted.min(of_many.max(resident.min(of_few)).max(BLOCK_THREADS));
         let length: usize = self.scratch_lengths().iter().sum();
         let memory = loop {
             match self.queue.zeros(length * threads) {
