@@ -11,7 +11,7 @@ use crate::tissue::materials::RveDevice;
 use crate::tissue::micro_scale::LibraryError;
 
 /// Returns the solver for batches of RVEs of a model on a device; `None` without a device, and for a model whose laws the
-/// device cannot evaluate. Ranks take the devices of their machine in turn.
+/// device cannot evaluate. Rank `r` takes device `r` modulo the number of devices.
 ///
 /// # Errors
 /// Returns [`LibraryError::Device`] if the device cannot be used.

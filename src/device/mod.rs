@@ -109,7 +109,8 @@ impl RveBatch {
     /// Makes an empty batch for RVEs of this model. With `predicts`, a solution keeps the sensitivities of the interior
     /// nodes, and the next one starts from a first-order prediction.
     ///
-    /// Returns `None` if the device cannot evaluate a law of the model, which is a table or a custom law.
+    /// Returns `None` if the device cannot evaluate a law of the model, which is a table or a custom law, or if an interior
+    /// node of the network has no fiber.
     ///
     /// # Errors
     /// Returns the error of the device.
@@ -180,7 +181,10 @@ impl RveBatch {
         assert_eq!(rves.len(), targets.len(), "one target for each RVE");
         let Some(params) = self.params(params) else { return Ok(vec![None; rves.len()]) };
         let mut solved = Vec::with_capacity(rves.len());
-        let at_once = self.batch.at_once()?;
+        let at_once = self.batch.make_room(rves.len().min(self.batch.at_once()?))?;
+        if at_once == 0 {
+            return Ok(vec![None; rves.len()]);
+        }
         let (interior, scale) = (self.interior, self.scale);
         for (rves, targets) in rves.chunks_mut(at_once).zip(targets.chunks(at_once)) {
             self.batch.set_states(rves.len(), |states| write_states(rves, interior, states))?;
@@ -219,7 +223,10 @@ impl RveBatch {
         assert_eq!(from.len(), reached.len(), "one equilibrium for each start");
         let Some(params) = self.params(params) else { return Ok(vec![false; from.len()]) };
         let mut leads = Vec::with_capacity(from.len());
-        let at_once = self.batch.at_once()?;
+        let at_once = self.batch.make_room(from.len().min(self.batch.at_once()?))?;
+        if at_once == 0 {
+            return Ok(vec![false; from.len()]);
+        }
         let interior = self.interior;
         for (from, reached) in from.chunks(at_once).zip(reached.chunks(at_once)) {
             self.batch.set_states(from.len(), |states| write_states(from, interior, states))?;

@@ -238,7 +238,7 @@ fn device(value: &Value<'_>) -> Option<Option<RveDevice>> {
     let device = value.choice(&[("none", None), (RveDevice::Cuda.name(), Some(RveDevice::Cuda))])?;
     if device.is_some() && !cfg!(feature = "cuda") {
         value.report_invalid(
-            "\"none\" in this build, which has no support for devices",
+            "\"none\" in this build, which cannot use graphics processors",
             "build with `cargo build --release --features cuda`, or set `device = \"none\"`",
         );
         return None;

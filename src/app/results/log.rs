@@ -270,7 +270,8 @@ pub struct RveLog {
     pub replaced: u64,
     /// Number of evaluations that reused the last equilibrium because the deformation gradient had not changed.
     pub reused: u64,
-    /// Processor time of all RVE solutions, s.
+    /// Processor time of all RVE solutions, s; for those on a device, their part of the wall time of
+    /// the batches.
     pub seconds_cpu: f64,
     /// Number of RVEs that sleep after the step.
     pub asleep: u64,

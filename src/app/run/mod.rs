@@ -70,7 +70,7 @@ impl<B: RealBackend> Simulation<B> {
     /// Returns [`SimulationError`] if an input file cannot be read or does not match the case, or the first evaluation
     /// of the body fails.
     pub fn new(context: B::Context, case: Case) -> Result<Self, SimulationError<B::Error>> {
-        Setup::new(context, case)?.simulation()
+        Setup::new(context, case)?.with_device()?.simulation()
     }
 }
 

@@ -75,15 +75,22 @@ impl<B: RealBackend, N: RealBackend> Setup<B, TissueField<N>> {
     pub fn with_rves(context: B::Context, of_rves: N::Context, case: Case) -> Result<Self, SimulationError<B::Error>> {
         let costs = case.output.costs;
         Self::with_material(context, case, None, |materials, mesh| {
-            let device = materials.rve.device;
             let (mut field, warnings) = TissueField::new(of_rves, materials, mesh)?;
-            let predicts = field.library().predicts();
-            field.solve_in_batches(|model| rve_device::batch_solver(device, 0, model, predicts))?;
             if costs {
                 field.keep_costs();
             }
             Ok((field, warnings))
         })
+    }
+
+    /// Opens the device of the case, if it names one for its RVEs. A run needs it, a check does not.
+    ///
+    /// # Errors
+    /// Returns [`LibraryError::Device`] if the device cannot be used.
+    pub fn with_device(mut self) -> Result<Self, SimulationError<B::Error>> {
+        let (device, predicts) = (self.case.micro.device, self.field.library().predicts());
+        self.field.solve_in_batches(|model| rve_device::batch_solver(device, 0, model, predicts))?;
+        Ok(self)
     }
 }
 

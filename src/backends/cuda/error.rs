@@ -1,6 +1,7 @@
 //! The errors of the device, its driver and its libraries.
 
 use cudarc::driver::DriverError;
+use cudarc::driver::sys::CUresult;
 use thiserror::Error;
 
 /// Error of a device, of its driver or of a CUDA library.
@@ -52,6 +53,11 @@ pub enum CudaError {
 }
 
 impl CudaError {
+    /// Returns true if the memory of the device does not suffice.
+    pub fn is_out_of_memory(&self) -> bool {
+        matches!(self, Self::Driver { error: DriverError(CUresult::CUDA_ERROR_OUT_OF_MEMORY), .. })
+    }
+
     /// Adds to an error of the driver what was asked of it.
     pub(crate) fn of(action: &'static str) -> impl FnOnce(DriverError) -> Self {
         move |error| Self::Driver { action, error }

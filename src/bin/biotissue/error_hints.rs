@@ -143,6 +143,9 @@ fn cure_of_point(error: &TissueFieldError, micro: &RveParams) -> String {
         PointFailureKind::LinearSystem => {
             "`biotissue network check` shows whether that network is floppy or not connected to the boundary: clean it, or use another"
         }
+        PointFailureKind::Device => {
+            "continue with --resume, where `device = \"none\"` in [micro] does without the device"
+        }
         _ => TOO_FAR,
     };
     freed + cure
@@ -206,10 +209,7 @@ pub fn not_set_up<F: std::error::Error + 'static>(of: &CaseHints, error: Simulat
             "a network whose fibers have a law, a radius and a modulus",
             "give the region a `law`, or put NETWORK.toml with a [law] or NETWORK.params beside the network",
         ),
-        SimulationError::Library(LibraryError::Device(_)) => (
-            "a graphics processor of NVIDIA with its driver and the compiler NVRTC",
-            "install what is missing, or set `device = \"none\"` in [micro]",
-        ),
+        SimulationError::Library(error @ LibraryError::Device(_)) => return no_device(&of.file, error),
         SimulationError::Library(LibraryError::NoFormula(..)) => {
             ("a formula at every point of the region", "make the formulas for the mesh of the case")
         }
@@ -219,6 +219,15 @@ pub fn not_set_up<F: std::error::Error + 'static>(of: &CaseHints, error: Simulat
         SimulationError::Setup(setup) => cure_of_setup(of, setup),
     };
     Failure::arguments(format!("{}: {error}", of.file.display()), expected, cure)
+}
+
+/// Reports that the device of the RVEs cannot be used.
+pub fn no_device(case: &Path, error: &LibraryError) -> Failure {
+    Failure::arguments(
+        format!("{}: {error}", case.display()),
+        "a graphics processor of NVIDIA with its driver and the compiler NVRTC",
+        "install what is missing, or set `device = \"none\"` in [micro]",
+    )
 }
 
 /// Returns what was expected of a body whose setup failed, and the cure.

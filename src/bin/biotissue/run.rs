@@ -392,7 +392,8 @@ pub type OneProcess<B> = Setup<B, TissueField<<B as ProgramBackend>::Local>>;
 pub fn setup<B: ProgramBackend>(context: B::Context, case: Case) -> Result<OneProcess<B>, Failure> {
     let hints = CaseHints::of(&case);
     let of_rves = B::local(&context);
-    let setup = Setup::with_rves(context, of_rves, case).map_err(|error| not_set_up(&hints, error))?;
+    let setup = Setup::with_rves(context, of_rves, case).and_then(Setup::with_device);
+    let setup = setup.map_err(|error| not_set_up(&hints, error))?;
     output::warn(setup.warnings());
     Ok(setup)
 }

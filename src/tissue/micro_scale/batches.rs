@@ -40,18 +40,16 @@ impl<B: RealBackend> Units<B> {
             let Some(mut solver) = library.batch_solver(model) else { return Ok(Vec::new()) };
             let targets: Vec<Matrix3<f64>> = chosen.iter().map(|chosen| chosen.target).collect();
             let predicted: Vec<bool> = chosen.iter().map(|chosen| has_sensitivities(chosen.unit)).collect();
-            let start = Instant::now();
             let mut rves: Vec<&mut Rve> = chosen
                 .iter_mut()
                 .filter_map(|chosen| chosen.unit.fibers.as_mut().map(|fibers| &mut fibers.current))
                 .collect();
             let solved = solver.solve(&mut rves, &targets, &library.params);
-            let seconds = start.elapsed().as_secs_f64() / chosen.len() as f64;
             let solved = solved.map_err(|reason| device_failure(chosen[0].unit, reason))?;
             let accepted =
                 chosen.into_par_iter().zip(predicted).zip(solved).map(|((chosen, predicted), equilibrium)| {
                     let Chosen { number, unit, target } = chosen;
-                    Some((number, accept(unit, &target, predicted, &equilibrium?, seconds)?))
+                    Some((number, accept(unit, &target, predicted, &equilibrium?)?))
                 });
             Ok(accepted.collect::<Vec<_>>().into_iter().flatten().collect())
         })
@@ -69,20 +67,18 @@ impl<B: RealBackend> Units<B> {
         };
         for_each_model(library, units, target_of, |model, mut chosen| {
             let Some(mut solver) = library.batch_solver(model) else { return Ok(Vec::new()) };
-            let start = Instant::now();
             let states = chosen
                 .iter()
                 .filter_map(|chosen| chosen.unit.fibers.as_ref().map(|fibers| (&fibers.committed, &fibers.current)));
             let (from, reached): (Vec<&Rve>, Vec<&Rve>) = states.unzip();
             let leads = solver.converge_to(&from, &reached, &library.params);
-            let seconds = start.elapsed().as_secs_f64() / chosen.len() as f64;
             let leads = leads.map_err(|reason| device_failure(chosen[0].unit, reason))?;
             let mut verified = Vec::new();
             for (chosen, _) in chosen.iter_mut().zip(leads).filter(|(_, leads)| *leads) {
                 if let Some(fibers) = &mut chosen.unit.fibers {
                     fibers.origin = Origin::Branch;
                 }
-                let stats = RveStats { verified: 1, seconds, ..RveStats::default() };
+                let stats = RveStats { verified: 1, ..RveStats::default() };
                 verified.push((chosen.number, (stats, 0.0)));
             }
             Ok(verified)
@@ -119,11 +115,24 @@ fn for_each_model<B: RealBackend>(
         }
     }
     let batches: Vec<_> = by_model.into_iter().enumerate().filter(|(_, chosen)| !chosen.is_empty()).collect();
+    let start = Instant::now();
     let outcomes: Vec<Outcome> = batches.into_par_iter().map(|(model, chosen)| solve(model, chosen)).collect();
+    let seconds = start.elapsed().as_secs_f64();
     for outcome in outcomes {
         outcome?.into_iter().for_each(|(number, counted)| done[number] = Some(counted));
     }
+    share_seconds(seconds, &mut done);
     Ok(done)
+}
+
+/// Divides the time of all batches, which ran side by side, among their RVEs: each evaluates its forces once more than it
+/// has iterations.
+fn share_seconds(seconds: f64, done: &mut Done) {
+    let work = |stats: &RveStats| (1 + stats.iterations) as f64;
+    let sum: f64 = done.iter().flatten().map(|(stats, _)| work(stats)).sum();
+    for (stats, _) in done.iter_mut().flatten() {
+        stats.seconds = seconds * work(stats) / sum;
+    }
 }
 
 fn has_sensitivities(unit: &Unit) -> bool {
@@ -137,7 +146,6 @@ fn accept(
     target: &Matrix3<f64>,
     predicted: bool,
     found: &BatchEquilibrium,
-    seconds: f64,
 ) -> Option<(RveStats, f64)> {
     let matrix = match &unit.matrix {
         Some(formula) => Some(formula.respond(target).ok()?),
@@ -162,12 +170,13 @@ fn accept(
         most_iterations: found.iterations,
         line_search_cuts: found.backtracks,
         predicted: usize::from(predicted),
-        seconds,
         ..RveStats::default()
     };
     Some((stats, increment))
 }
 
+/// Reports the failure of a device at the first of the RVEs that it should have solved.
 fn device_failure(unit: &Unit, reason: String) -> PointFailure {
-    PointFailure { point: unit.location, network: None, reason, kind: PointFailureKind::Backend }
+    let reason = format!("the device that solves the RVEs failed: {reason}");
+    PointFailure { point: unit.location, network: None, reason, kind: PointFailureKind::Device }
 }

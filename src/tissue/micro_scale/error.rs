@@ -43,6 +43,15 @@ pub enum PointFailureKind {
     Formula,
     /// The backend could not create a workspace for the network.
     Backend,
+    /// The device that solves most RVEs failed, which no smaller load step changes.
+    Device,
+}
+
+impl TissueFieldError {
+    /// Returns true if the error does not depend on the trial state.
+    pub(in crate::tissue) fn is_final(&self) -> bool {
+        matches!(self, Self::Ranks(_) | Self::Point(PointFailure { kind: PointFailureKind::Device, .. }))
+    }
 }
 
 impl PointFailure {

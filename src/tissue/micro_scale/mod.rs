@@ -261,6 +261,10 @@ impl<B: RealBackend> PointField for TissueField<B> {
         self.sites.rves() == 0
     }
 
+    fn is_final(error: &Self::Error) -> bool {
+        error.is_final()
+    }
+
     fn commit(&mut self) -> Result<(), Self::Error> {
         self.units.commit();
         let deleted = self.sites.commit();

@@ -115,7 +115,8 @@ pub struct RveStats {
     pub replaced: usize,
     /// Steps of dynamic relaxation in total.
     pub relaxation_steps: usize,
-    /// Processor time of all solutions, s.
+    /// Processor time of all solutions, s; for those on a device, their part of the wall time
+    /// of the batches.
     pub seconds: f64,
 }
 

@@ -321,6 +321,6 @@ impl<C: Comm, B: RealBackend> PointField for ScaleField<'_, C, B> {
     }
 
     fn is_final(error: &Self::Error) -> bool {
-        matches!(error, TissueFieldError::Ranks(_))
+        error.is_final()
     }
 }

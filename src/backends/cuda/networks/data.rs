@@ -7,11 +7,11 @@ use super::layout::LAW_LEN;
 pub struct LawData {
     /// The law in tension, and in compression if there is no buckling.
     pub formula: LawFormula,
-    /// Residual stiffness and buckling strain.
+    /// The fraction of the stiffness at rest that remains in compression, and the buckling strain.
     pub buckling: Option<(f64, f64)>,
 }
 
-/// The formula of a law.
+/// The formula of a law; moduli in Pa.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(missing_docs, reason = "the parameters are those of the laws of the same name")]
 pub enum LawFormula {
@@ -58,13 +58,13 @@ impl LawData {
 pub struct NetworkData {
     /// Number of interior nodes, which move; they have the first numbers.
     pub interior: usize,
-    /// Reference positions of the boundary nodes, which follow the deformation gradient.
+    /// Reference positions of the boundary nodes, which follow the deformation gradient; in edges of the unit cube.
     pub boundary: Vec<[f64; 3]>,
     /// The two nodes of each fiber.
     pub ends: Vec<[u32; 2]>,
-    /// The reference length of each fiber.
+    /// The reference length of each fiber, in edges of the unit cube.
     pub lengths: Vec<f64>,
-    /// The cross-sectional area of each fiber.
+    /// The cross-sectional area of each fiber, m^2.
     pub areas: Vec<f64>,
     /// The law of each fiber, an index into `laws`.
     pub law_of: Vec<u32>,

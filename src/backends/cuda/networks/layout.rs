@@ -108,7 +108,7 @@ pub(super) const KERNELS: [&str; 6] =
     ["equilibrate", "condense", "take_targets", "take_states", "give_states", "give_results"];
 
 /// What the kernels are compiled for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) struct Variant {
     pub tile: TileShape,
     /// The kind of all laws, if it is the same and none of them buckles.

@@ -85,6 +85,8 @@ struct InTiles {
 /// The memory of the threads that solve: the arrays of [`NetworkBatch::scratch_lengths`], one after the other.
 struct Scratch {
     threads: usize,
+    /// The threads that it was made for, if the memory had sufficed.
+    wanted: usize,
     memory: Memory<f64>,
 }
 
@@ -184,12 +186,35 @@ impl NetworkBatch {
         if self.keeps_sensitivities { 3 * MODES * self.uniform.interior as usize } else { 0 }
     }
 
-    /// How many networks the device solves at the same time, if its memory holds them.
+    /// How many networks the device executes at the same time, if its memory holds them.
     ///
     /// # Errors
     /// Returns the error of the device.
     pub fn at_once(&self) -> Result<usize, CudaError> {
-        self.queue.resident_threads(Kernel::Equilibrate)
+        Ok(self.queue.resident_threads(Kernel::Equilibrate)?.max(BLOCK_THREADS))
+    }
+
+    /// Allocates the memory for as many of `count` networks as fit, and returns how many: `count`, a half of it, a
+    /// quarter, and so on; 0 if not even a few fit. Their states are undefined.
+    ///
+    /// # Errors
+    /// Returns the error of the device, except that its memory does not suffice.
+    pub fn make_room(&mut self, count: usize) -> Result<usize, CudaError> {
+        let mut fitting = count;
+        loop {
+            match self.reserve(fitting).and_then(|()| self.reserve_scratch(fitting)) {
+                Ok(()) => return Ok(fitting),
+                Err(error) if error.is_out_of_memory() => {
+                    (self.networks, self.scratch) = (None, None);
+                    self.queue.wait()?;
+                    fitting /= 2;
+                    if fitting < BLOCK_THREADS {
+                        return Ok(0);
+                    }
+                }
+                Err(error) => return Err(error),
+            }
+        }
     }
 
     /// Bytes of device memory for each network.
@@ -212,12 +237,13 @@ impl NetworkBatch {
         [vector, vector, 6 * interior, 6 * pairs, 6 * interior, 9 * (blocks + 1), MODES * vector]
     }
 
-    /// Replaces all networks by `count` others, whose states `write` sets.
+    /// Replaces all networks by `count` others, whose states `write` sets: all numbers, because the memory has old ones.
     ///
     /// # Errors
-    /// Returns the error of the device, for example if its memory does not suffice.
+    /// Returns the error of the device, for example if its memory does not suffice; the states are then undefined.
     pub fn set_states(&mut self, count: usize, write: impl FnOnce(NetworkStates<'_>)) -> Result<(), CudaError> {
         self.reserve(count)?;
+        self.queue.wait()?;
         let (interior, sensitivities) = (self.uniform.interior as usize, self.sensitivities());
         let Some(networks) = &mut self.networks else { return Ok(()) };
         let host = &mut networks.host;
@@ -226,9 +252,13 @@ impl NetworkBatch {
         self.queue.write(&host.gradients.values()?[..9 * count], &mut in_order.gradients)?;
         self.queue.write(&host.positions.values()?[..3 * interior * count], &mut in_order.positions)?;
         if self.keeps_sensitivities {
-            let values = &host.sensitivities.values()?[..sensitivities * count];
-            self.queue.write(values, &mut in_order.sensitivities)?;
-            self.queue.write(&host.predicts.values()?[..count], &mut networks.in_tiles.predicts)?;
+            let predicts = &host.predicts.values()?[..count];
+            self.queue.write(predicts, &mut networks.in_tiles.predicts)?;
+            // Most bytes of a state are sensitivities; those that no start uses stay on the host.
+            if predicts.iter().any(|&predicts| predicts != 0.0) {
+                let values = &host.sensitivities.values()?[..sensitivities * count];
+                self.queue.write(values, &mut in_order.sensitivities)?;
+            }
         }
         let uniform = self.of_networks(count);
         self.run(Kernel::TakeStates, &uniform, count)
@@ -261,8 +291,11 @@ impl NetworkBatch {
     /// Returns the error of the device; the states are then undefined.
     ///
     /// # Panics
-    /// Panics if there are more gradients than networks.
+    /// Panics if there are more gradients than networks, or if [`BatchParams::memory`] is not 1 to 8.
     pub fn solve(&mut self, targets: &[[f64; 9]], params: &BatchParams) -> Result<NetworkResults<'_>, CudaError> {
+        if targets.is_empty() {
+            return Ok(NetworkResults::default());
+        }
         self.reserve_scratch(targets.len())?;
         let uniform = self.prepare(targets, None, params)?;
         let Some(scratch) = &self.scratch else { return Ok(NetworkResults::default()) };
@@ -283,7 +316,7 @@ impl NetworkBatch {
     /// Returns the error of the device.
     ///
     /// # Panics
-    /// Panics if there are more gradients than networks, or not three coordinates for each interior node.
+    /// As for [`NetworkBatch::solve`], and if there are not three coordinates for each interior node.
     pub fn continues(
         &mut self,
         targets: &[[f64; 9]],
@@ -293,6 +326,9 @@ impl NetworkBatch {
         /// Most Newton steps of the test.
         const STEPS: u32 = 3;
         assert_eq!(reached.len(), 3 * self.uniform.interior as usize * targets.len(), "the positions of all networks");
+        if targets.is_empty() {
+            return Ok(NetworkResults::default());
+        }
         self.reserve_scratch(targets.len())?;
         let params = BatchParams { max_iterations: STEPS, ..*params };
         let uniform = self.prepare(targets, Some(reached), &params)?;
@@ -313,6 +349,7 @@ impl NetworkBatch {
     ) -> Result<Uniform, CudaError> {
         assert!(targets.len() <= self.len(), "a state for each target");
         assert!((1..=8).contains(&params.memory), "1 to 8 iterates in the sufficient-decrease condition");
+        self.queue.wait()?;
         let Some(networks) = &mut self.networks else { return Ok(self.uniform) };
         let host = &mut networks.host.targets.values()?[..9 * targets.len()];
         host.copy_from_slice(targets.as_flattened());
@@ -368,7 +405,7 @@ impl NetworkBatch {
                 uniform.has_sensitivities = self.queue.address(&in_tiles.predicts);
             }
         }
-        if let Some(Scratch { threads, memory }) = &self.scratch {
+        if let Some(Scratch { threads, memory, .. }) = &self.scratch {
             let mut next = self.queue.address(memory);
             let [trial, direction, stiffness, edges, diagonal, lower, modes] = self.scratch_lengths().map(|length| {
                 let address = next;
@@ -390,9 +427,13 @@ impl NetworkBatch {
             }
             return Ok(());
         }
-        // The scratch memory may take nearly all memory; it is allocated again for what the networks leave.
+        // RVEs that are created one after the other must not cause an allocation each.
+        let held = self.networks.as_ref().map_or(0, |networks| networks.capacity);
+        let capacity = count.max(held + held / 2).next_multiple_of(LANES);
+        // The scratch memory may take much of the memory; it is allocated again for what the networks leave. The device may
+        // still work with both.
+        self.queue.wait()?;
         (self.networks, self.scratch) = (None, None);
-        let capacity = count.next_multiple_of(LANES);
         let interior = self.uniform.interior as usize;
         let of_sensitivities = self.sensitivities();
         let of_predicts = if self.keeps_sensitivities { capacity } else { 0 };
@@ -434,14 +475,16 @@ impl NetworkBatch {
         /// finished, the next one starts; only the last ones leave a part of the device idle.
         const OVERSUBSCRIPTION: usize = 12;
         /// Share of the free memory for more threads than the device executes at the same time, and for as many.
-        const SHARES: [f64; 2] = [0.5, 0.9];
+        const SHARES: [f64; 2] = [0.4, 0.7];
         let resident = self.queue.resident_threads(Kernel::Equilibrate)?;
         let all = networks.next_multiple_of(BLOCK_THREADS);
         let wanted = all.min(OVERSUBSCRIPTION * resident);
-        if self.scratch.as_ref().is_some_and(|scratch| scratch.threads >= wanted) {
+        if self.scratch.as_ref().is_some_and(|scratch| scratch.wanted >= wanted) {
             return Ok(());
         }
         self.scratch = None;
+        // Memory is free once the device has finished what uses it.
+        self.queue.wait()?;
         let free = self.queue.free_bytes()? as f64 / self.bytes_per_thread().max(1) as f64;
         let [of_many, of_few] = SHARES.map(|share| (share * free) as usize / BLOCK_THREADS * BLOCK_THREADS);
         let mut threads = wanted.min(of_many.max(resident.min(of_few)).max(BLOCK_THREADS));
@@ -449,11 +492,13 @@ impl NetworkBatch {
         let memory = loop {
             match self.queue.zeros(length * threads) {
                 // Another batch may have taken memory in the meantime.
-                Err(_) if threads > BLOCK_THREADS => threads = (threads / 2).next_multiple_of(BLOCK_THREADS),
+                Err(error) if error.is_out_of_memory() && threads > BLOCK_THREADS => {
+                    threads = (threads / 2).next_multiple_of(BLOCK_THREADS)
+                }
                 memory => break memory?,
             }
         };
-        self.scratch = Some(Scratch { threads, memory });
+        self.scratch = Some(Scratch { threads, wanted, memory });
         Ok(())
     }
 }
@@ -467,6 +512,13 @@ impl Host {
             sensitivities: &mut self.sensitivities.values()?[..sensitivities * count],
             predicts: &mut self.predicts.values()?[..predicts],
         })
+    }
+}
+
+impl Drop for NetworkBatch {
+    fn drop(&mut self) {
+        // The device may still access memory of the host. Nothing can be done about an error here.
+        let _ = self.queue.wait();
     }
 }
 

@@ -1,6 +1,8 @@
 //! Where the kernels run: a device, or in tests the processor.
 
-use std::sync::Arc;
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use cudarc::driver::{
     CudaFunction, CudaSlice, DevicePtr, DeviceRepr, LaunchConfig, PinnedHostSlice, PushKernelArg, ValidAsZeroBits,
@@ -8,6 +10,21 @@ use cudarc::driver::{
 
 use super::layout::{BLOCK_THREADS, KERNELS, Uniform, Variant, source};
 use crate::backends::cuda::{CudaError, Device};
+
+/// The kernels, by their place in [`KERNELS`].
+type Functions = Arc<[CudaFunction; KERNELS.len()]>;
+
+/// Compiles the kernels for a device.
+fn compile(device: &Device, variant: Variant) -> Result<Functions, CudaError> {
+    let module = device.load(&source(variant))?;
+    let mut functions = Vec::new();
+    for name in KERNELS {
+        functions.push(module.load_function(name).map_err(CudaError::of("find a kernel"))?);
+    }
+    let functions: Result<[CudaFunction; KERNELS.len()], _> = functions.try_into();
+    let missing = |_| CudaError::Compile { architecture: String::new(), log: "a kernel is missing".into() };
+    functions.map(Arc::new).map_err(missing)
+}
 
 /// The kernels, and where they run.
 #[derive(Clone)]
@@ -35,10 +52,10 @@ pub(super) enum Staging<T> {
 }
 
 impl<T: DeviceRepr + ValidAsZeroBits> Staging<T> {
-    /// Returns the numbers. The caller has waited for all transfers of them.
+    /// Returns the numbers. The caller has waited ([`Queue::wait`]) for all transfers of them.
     pub fn values(&mut self) -> Result<&mut [T], CudaError> {
         match self {
-            Self::Pinned(memory) => memory.as_mut_slice().map_err(CudaError::of("wait for a transfer")),
+            Self::Pinned(memory) => memory.as_mut_slice().map_err(CudaError::of("access page-locked memory")),
             #[cfg(test)]
             Self::Plain(values) => Ok(values),
         }
@@ -57,17 +74,27 @@ pub(super) enum Kernel {
 }
 
 impl Queue {
-    /// Compiles the kernels for a device.
+    /// Returns the kernels of a variant on a device, which are compiled once for all batches.
     pub fn on(device: &Device, variant: Variant) -> Result<Self, CudaError> {
-        let module = device.load(&source(variant))?;
-        let mut functions = Vec::new();
-        for name in KERNELS {
-            functions.push(module.load_function(name).map_err(CudaError::of("find a kernel"))?);
+        type Compiled = Mutex<HashMap<(usize, Variant), Functions>>;
+        static COMPILED: OnceLock<Compiled> = OnceLock::new();
+        let key = (device.context().ordinal(), variant);
+        // A thread that panicked has left a map of whole entries.
+        let mut compiled = COMPILED.get_or_init(Mutex::default).lock().unwrap_or_else(PoisonError::into_inner);
+        let functions = match compiled.entry(key) {
+            Entry::Occupied(known) => Arc::clone(known.get()),
+            Entry::Vacant(place) => Arc::clone(place.insert(compile(device, variant)?)),
+        };
+        Ok(Self::Device { device: device.clone(), functions })
+    }
+
+    /// Waits until all kernels and transfers have finished.
+    pub fn wait(&self) -> Result<(), CudaError> {
+        match self {
+            Self::Device { device, .. } => device.synchronize(),
+            #[cfg(test)]
+            Self::Emulated(_) => Ok(()),
         }
-        let functions: Result<[CudaFunction; KERNELS.len()], _> = functions.try_into();
-        let functions = functions
-            .map_err(|_| CudaError::Compile { architecture: String::new(), log: "a kernel is missing".into() })?;
-        Ok(Self::Device { device: device.clone(), functions: Arc::new(functions) })
     }
 
     /// Allocates memory for `len` numbers, all zero.
@@ -106,6 +133,8 @@ impl Queue {
     ) -> Result<Memory<T>, CudaError> {
         let mut memory = self.zeros(values.len())?;
         self.write(values, &mut memory)?;
+        // On some machines, the device reads the numbers from the memory of the host, which the caller may free.
+        self.wait()?;
         Ok(memory)
     }
 

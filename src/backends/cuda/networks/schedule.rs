@@ -5,7 +5,7 @@
 pub(super) const NONE: u32 = u32::MAX;
 
 /// The columns of a tile, and the rows below it whose sums are in registers at the same time.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) struct TileShape {
     pub columns: usize,
     pub rows: usize,

@@ -16,7 +16,7 @@ use biotissue::tissue::two_scale::{self, BodySolve, MACRO, MICRO, MicroOutput, S
 
 use super::{Outcome, Ranks, RunContext, agreed, ranks_failed};
 use crate::dispatch::{Job, ProgramBackend, dispatch};
-use crate::error_hints::{CaseHints, not_set_up};
+use crate::error_hints::{CaseHints, no_device, not_set_up};
 use crate::failure::Failure;
 use crate::output;
 use crate::run::take_steps;
@@ -85,7 +85,7 @@ impl<C: Ranks> Job for MicroRank<'_, C> {
             let predicts = library.predicts();
             library
                 .solve_in_batches(|model| rve_device::batch_solver(device, scales.comm().rank(), model, predicts))
-                .map_err(|error| ranks_failed(&error))?;
+                .map_err(|error| no_device(&run.case.file, &error))?;
             Ok((library, warnings))
         });
         if let Ok((library, _)) = agreed(world, read)? {
