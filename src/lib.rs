@@ -104,14 +104,14 @@ pub mod capi;
 #[cfg(feature = "app")]
 mod checksum;
 pub mod coupling;
-#[cfg(feature = "cuda")]
-pub mod device;
 pub mod fem;
 pub mod fiber;
 pub mod input;
 pub mod las;
 pub mod output;
 mod parallel;
+#[cfg(feature = "sparse")]
+pub mod rve_batch;
 #[cfg(feature = "app")]
 mod sealed_file;
 #[cfg(test)]

@@ -2,11 +2,11 @@
 
 #[cfg(feature = "cuda")]
 use crate::backends::cuda::Device;
-#[cfg(feature = "cuda")]
-use crate::device::RveBatch;
 use crate::fiber::batch::BatchSolver;
 use crate::fiber::rve::RveModel;
 use crate::las::RealBackend;
+#[cfg(feature = "cuda")]
+use crate::rve_batch::DeviceBatch;
 use crate::tissue::materials::RveDevice;
 use crate::tissue::micro_scale::LibraryError;
 
@@ -27,7 +27,7 @@ pub fn batch_solver<B: RealBackend>(
         Some(RveDevice::Cuda) => {
             let open = || {
                 let count = Device::count()?;
-                RveBatch::new(&Device::open(rank % count.max(1))?, model, predicts)
+                DeviceBatch::new(&Device::open(rank % count.max(1))?, model, predicts)
             };
             let batch = open().map_err(|error| LibraryError::Device(error.to_string()))?;
             Ok(batch.map(|batch| Box::new(batch) as Box<dyn BatchSolver>))

@@ -30,6 +30,8 @@ pub mod cuda;
 pub mod dense;
 #[cfg(feature = "metis")]
 pub mod metis;
+#[cfg(feature = "sparse")]
+pub mod networks;
 #[cfg(feature = "petsc")]
 pub mod petsc;
 #[cfg(feature = "sparse")]

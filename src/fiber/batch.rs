@@ -19,6 +19,8 @@ pub struct BatchEquilibrium {
     pub iterations: usize,
     /// Steps that the line search shortened.
     pub backtracks: usize,
+    /// Processor time of this RVE, in seconds, if the solver knows it.
+    pub seconds: Option<f64>,
 }
 
 /// Solves for the equilibria of many RVEs of one model.

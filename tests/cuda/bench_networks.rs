@@ -10,9 +10,8 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use biotissue::backends::cuda::Device;
-use biotissue::backends::cuda::networks::Status;
+use biotissue::backends::networks::Status;
 use biotissue::backends::sparse::Sparse;
-use biotissue::device::RveBatch;
 use biotissue::fiber::equilibrium::{EquilibriumParams, equilibrate};
 use biotissue::fiber::homogenize::Tangent;
 use biotissue::fiber::law::{FiberMaterial, Law};
@@ -21,6 +20,7 @@ use biotissue::fiber::network::{Network, file};
 use biotissue::fiber::rve::{Rve, RveModel, StressScale};
 use biotissue::fiber::workspace::Workspace;
 use biotissue::las::conformance::Random;
+use biotissue::rve_batch::DeviceBatch;
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
@@ -93,7 +93,7 @@ struct OnDevice {
     left: usize,
 }
 
-fn on_device(batch: &mut RveBatch, model: &RveModel<Sparse>, goals: &[[Matrix3<f64>; 2]]) -> Outcome<OnDevice> {
+fn on_device(batch: &mut DeviceBatch, model: &RveModel<Sparse>, goals: &[[Matrix3<f64>; 2]]) -> Outcome<OnDevice> {
     let params = batch.params(&EquilibriumParams::default()).ok_or("no Newton's method")?;
     let rest = Rve::at_rest(model.network());
     let count = goals.len();
@@ -118,7 +118,7 @@ fn on_device(batch: &mut RveBatch, model: &RveModel<Sparse>, goals: &[[Matrix3<f
 
 /// Solves for both increments with the states of single RVEs; returns the seconds of each and the last responses.
 fn with_states(
-    batch: &mut RveBatch,
+    batch: &mut DeviceBatch,
     model: &RveModel<Sparse>,
     goals: &[[Matrix3<f64>; 2]],
 ) -> Outcome<([f64; 2], Vec<Response>)> {
@@ -140,7 +140,7 @@ fn measure(device: &Device, name: &str, network: Network, counts: &[usize]) -> O
     let material = FiberMaterial { law, radius: 3.5e-8, density: None };
     let scale = StressScale::FiberVolumeFraction(0.01);
     let model = RveModel::<Sparse>::new(&(), Arc::new(network), Some(material), scale)?;
-    let mut batch = RveBatch::new(device, &model, true)?.ok_or("no such law on the device")?;
+    let mut batch = DeviceBatch::new(device, &model, true)?.ok_or("no such law on the device")?;
     let (operations, bytes) = (batch.operations(), batch.networks().bytes_of_factorization());
     println!(
         "\n{name}: {} unknowns, {} fibers; {:.2} MFLOP and {:.2} MB a factorization; {:.1} kB a network, and {:.0} kB \

@@ -9,7 +9,6 @@ use biotissue::app::results::{LOADS_FILE, LOG_FILE};
 use biotissue::app::run::Simulation;
 use biotissue::backends::cuda::Device;
 use biotissue::backends::sparse::Sparse;
-use biotissue::device::RveBatch;
 use biotissue::fiber::equilibrium::{EquilibriumParams, Stage, converges_to, equilibrate};
 use biotissue::fiber::law::{FiberMaterial, Law};
 use biotissue::fiber::network::generate::{delaunay, voronoi};
@@ -17,6 +16,7 @@ use biotissue::fiber::network::{Network, file};
 use biotissue::fiber::rve::{Rve, RveModel, StressScale};
 use biotissue::fiber::workspace::Workspace;
 use biotissue::las::conformance::Random;
+use biotissue::rve_batch::DeviceBatch;
 use nalgebra::Matrix3;
 use rayon::prelude::*;
 
@@ -54,8 +54,8 @@ fn gradients(count: usize, size: f64, random: &mut Random) -> Vec<Matrix3<f64>> 
     gradients
 }
 
-fn batch_of(device: &Device, model: &Model, predicts: bool) -> RveBatch {
-    RveBatch::new(device, model, predicts).unwrap().unwrap()
+fn batch_of(device: &Device, model: &Model, predicts: bool) -> DeviceBatch {
+    DeviceBatch::new(device, model, predicts).unwrap().unwrap()
 }
 
 /// Compares the components of a tensor, relative to the largest.

@@ -1,6 +1,6 @@
 //! The data that the host and the kernels share.
 
-use super::schedule::TileShape;
+use crate::backends::networks::TileShape;
 
 /// What is the same for all networks of a batch: the structure `Uniform` of `kernels/base.cu`, whose comments say what the
 /// addresses refer to. Addresses are those of the device, or of the host where the kernels are emulated.
@@ -66,30 +66,11 @@ pub(super) const LANES: usize = 32;
 /// Threads of a block of the device.
 pub(super) const BLOCK_THREADS: usize = 128;
 
-/// Strain modes.
-pub(super) const MODES: usize = 6;
-
-/// Numbers of a law.
-pub(super) const LAW_LEN: usize = 10;
-
 /// Numbers of a fiber.
 pub(super) const FIBER_LEN: usize = 5;
 
 /// Numbers of an end of a fiber.
 pub(super) const INCIDENT_LEN: usize = 6;
-
-/// Numbers of a result, and where its parts are.
-pub(super) const RESULT_LEN: usize = 71;
-pub(super) const STATUS: usize = 0;
-pub(super) const ITERATIONS: usize = 1;
-pub(super) const BACKTRACKS: usize = 2;
-pub(super) const RESIDUAL: usize = 3;
-pub(super) const SCALE: usize = 4;
-pub(super) const PIVOT_RATIO: usize = 5;
-pub(super) const ENERGY: usize = 6;
-pub(super) const IMBALANCE: usize = 7;
-pub(super) const STRESS: usize = 8;
-pub(super) const FORM: usize = 17;
 
 /// The source of the kernels.
 const SOURCE: &str = concat!(

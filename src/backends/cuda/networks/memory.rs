@@ -1,9 +1,10 @@
 //! The memory of a batch, on the device and on the host.
 
-use super::layout::{BLOCK_THREADS, LANES, MODES, RESULT_LEN, Uniform};
+use super::NetworkBatch;
+use super::layout::{BLOCK_THREADS, LANES, Uniform};
 use super::queue::{Kernel, Memory, Staging};
-use super::{NetworkBatch, NetworkStates};
 use crate::backends::cuda::CudaError;
+use crate::backends::networks::{MODES, NetworkStates, RESULT_LEN};
 
 /// The memory of the host for the states, targets and results of networks.
 pub(super) struct Host {

@@ -10,23 +10,26 @@
 //! bytes. A network that needs more than Newton's method (its stiffness is not positive definite, the line search fails,
 //! the iterations do not suffice) keeps its state and gets a [`Status`] that says so.
 
-mod data;
 #[cfg(test)]
 mod emulation;
+mod incidents;
 mod layout;
 mod memory;
-mod plan;
 mod queue;
-mod result;
-mod schedule;
 
 use super::{CudaError, Device};
-pub use data::{BatchParams, LawData, LawFormula, NetworkData, NetworkStates};
-use layout::{BLOCK_THREADS, MODES, RESULT_LEN, Uniform, Variant};
+use crate::backends::networks::{
+    BatchParams, LawData, MODES, NetworkData, NetworkResults, NetworkStates, Plan, RESULT_LEN, STEPS_OF_CONTINUATION,
+    TileShape,
+};
+use incidents::{incidents, sizes};
+use layout::{BLOCK_THREADS, Uniform, Variant};
 use memory::{Networks, Scratch};
-use plan::{Plan, TILE};
 use queue::{Kernel, Memory, Queue};
-pub use result::{NetworkResult, NetworkResults, Status};
+
+/// The tiles of the factorization. Of the shapes whose sums fit into the registers, this one was the fastest on an H200;
+/// `docs/cuda.md` has the measurements.
+const TILE: TileShape = TileShape { columns: 3, rows: 2 };
 
 /// Many networks on a device.
 pub struct NetworkBatch {
@@ -65,6 +68,7 @@ impl NetworkBatch {
 
     fn on(queue: Queue, network: &NetworkData, keeps_sensitivities: bool) -> Result<Self, CudaError> {
         let plan = Plan::new(network, TILE);
+        let incidents = incidents(&plan, network.interior + network.boundary.len());
         let mut indices = Vec::new();
         let mut numbers = Vec::new();
         let mut index = |values: &[u32]| -> Result<u64, CudaError> {
@@ -81,12 +85,12 @@ impl NetworkBatch {
         };
         let schedule = &plan.schedule;
         let uniform = Uniform {
-            fiber_ends: index(&plan.ends)?,
-            fiber_sizes: number(&plan.sizes)?,
+            fiber_ends: index(plan.ends.as_flattened())?,
+            fiber_sizes: number(&sizes(network))?,
             fiber_laws: index(&network.law_of)?,
             laws: number(&network.laws.iter().flat_map(LawData::numbers).collect::<Vec<_>>())?,
             boundary: number(network.boundary.as_flattened())?,
-            incidents: index(plan.incidents.as_flattened())?,
+            incidents: index(incidents.as_flattened())?,
             factor: index(&schedule.factor)?,
             forward: index(&schedule.forward)?,
             backward: index(&schedule.backward)?,
@@ -95,10 +99,10 @@ impl NetworkBatch {
             nodes: (network.interior + network.boundary.len()) as u32,
             fibers: network.ends.len() as u32,
             blocks: schedule.blocks() as u32,
-            pairs: plan.pairs as u32,
+            pairs: plan.pairs.len() as u32,
             tiles: schedule.tiles as u32,
-            inner_ends: plan.inner_ends as u32,
-            ends: plan.incidents.len() as u32,
+            inner_ends: incidents.iter().filter(|[node, ..]| (*node as usize) < network.interior).count() as u32,
+            ends: incidents.len() as u32,
             ..Uniform::default()
         };
         Ok(Self {
@@ -243,14 +247,12 @@ impl NetworkBatch {
         reached: &[f64],
         params: &BatchParams,
     ) -> Result<NetworkResults<'_>, CudaError> {
-        /// Most Newton steps of the test.
-        const STEPS: u32 = 3;
         assert_eq!(reached.len(), 3 * self.uniform.interior as usize * targets.len(), "the positions of all networks");
         if targets.is_empty() {
             return Ok(NetworkResults::default());
         }
         self.reserve_scratch(targets.len())?;
-        let params = BatchParams { max_iterations: STEPS, ..*params };
+        let params = BatchParams { max_iterations: STEPS_OF_CONTINUATION, ..*params };
         let uniform = self.prepare(targets, Some(reached), &params)?;
         let Some(scratch) = &self.scratch else { return Ok(NetworkResults::default()) };
         for first in (0..targets.len()).step_by(scratch.threads) {

@@ -5,13 +5,13 @@ use std::path::Path;
 use nalgebra::Matrix3;
 
 use crate::backends::sparse::Sparse;
-use crate::device::RveBatch;
 use crate::fem::mesh::shapes::cuboid;
 use crate::fem::point_field::{PointField, PointResponses};
 use crate::fiber::batch::{BatchEquilibrium, BatchSolver};
 use crate::fiber::equilibrium::EquilibriumParams;
 use crate::fiber::rve::{Rve, StressScale};
 use crate::las::conformance::Random;
+use crate::rve_batch::DeviceBatch;
 use crate::tissue::materials::{
     FiberRve, Materials, NetworkAssignment, Region, RegionMaterial, RveLifecycle, RveParams,
 };
@@ -52,7 +52,7 @@ fn fields_with_batches_agree_with_those_without_through_load_steps() {
         let mut has_compiler = true;
         batched
             .solve_in_batches(|model| {
-                let batch = RveBatch::emulated(model, predictor);
+                let batch = DeviceBatch::emulated(model, predictor);
                 has_compiler &= batch.is_some();
                 Ok::<_, ()>(batch.map(|batch| Box::new(batch) as Box<dyn BatchSolver>))
             })

@@ -1,111 +1,49 @@
-//! Equilibria of many RVEs at once on a graphics processor.
-//!
-//! An [`RveBatch`] belongs to one [`RveModel`]. [`RveBatch::solve`] takes the states of RVEs and returns for each the
-//! stress, energy and tangent that [`equilibrate`](crate::fiber::equilibrium::equilibrate) gives, to rounding errors, or
-//! `None` for an RVE that needs more than Newton's method; its state is then unchanged, and `equilibrate` decides.
-//!
-//! ```no_run
-//! use biotissue::backends::cuda::Device;
-//! use biotissue::device::RveBatch;
-//! use biotissue::fiber::equilibrium::EquilibriumParams;
-//! use biotissue::fiber::rve::{Rve, RveModel};
-//! use biotissue::las::RealBackend;
-//! use nalgebra::Matrix3;
-//!
-//! fn stretch_all<B: RealBackend>(model: &RveModel<B>) -> Result<(), Box<dyn std::error::Error>> {
-//!     let Some(mut batch) = RveBatch::new(&Device::open(0)?, model, true)? else {
-//!         return Err("the device has no such fiber law".into());
-//!     };
-//!     let mut rves = vec![Rve::at_rest(model.network()); 10_000];
-//!     let targets: Vec<_> = (0..rves.len())
-//!         .map(|k| Matrix3::identity() * (1.0 + 1e-6 * k as f64))
-//!         .collect();
-//!     let mut rves: Vec<&mut Rve> = rves.iter_mut().collect();
-//!     for solved in batch.solve(&mut rves, &targets, &EquilibriumParams::default())?.iter().flatten() {
-//!         println!("{}", solved.pk1);
-//!     }
-//!     Ok(())
-//! }
-//! ```
-
-#[cfg(test)]
-mod tests;
+//! RVEs on a graphics processor.
 
 use nalgebra::Matrix3;
 use rayon::prelude::*;
 
-use crate::backends::cuda::networks::{
-    BatchParams, LawData, LawFormula, NetworkBatch, NetworkData, NetworkResult, NetworkStates, Status,
-};
+use super::{OfModel, network_data, rows};
+use crate::backends::cuda::networks::NetworkBatch;
 use crate::backends::cuda::{CudaError, Device};
+use crate::backends::networks::{BatchParams, NetworkStates, Status};
 use crate::fiber::batch::{BatchEquilibrium, BatchSolver};
-use crate::fiber::equilibrium::{EquilibriumParams, ExcessiveForce, Stage};
-use crate::fiber::homogenize::tangent_from_form;
-use crate::fiber::law::Law;
+use crate::fiber::equilibrium::EquilibriumParams;
 use crate::fiber::rve::{Rve, RveModel, Sensitivities};
 use crate::las::RealBackend;
 
-/// Many RVEs of one model on a device.
+/// Many RVEs of one model on a graphics processor.
+///
+/// ```no_run
+/// use biotissue::backends::cuda::Device;
+/// use biotissue::rve_batch::DeviceBatch;
+/// use biotissue::fiber::equilibrium::EquilibriumParams;
+/// use biotissue::fiber::rve::{Rve, RveModel};
+/// use biotissue::las::RealBackend;
+/// use nalgebra::Matrix3;
+///
+/// fn stretch_all<B: RealBackend>(model: &RveModel<B>) -> Result<(), Box<dyn std::error::Error>> {
+///     let Some(mut batch) = DeviceBatch::new(&Device::open(0)?, model, true)? else {
+///         return Err("the device has no such fiber law".into());
+///     };
+///     let mut rves = vec![Rve::at_rest(model.network()); 10_000];
+///     let targets: Vec<_> = (0..rves.len())
+///         .map(|k| Matrix3::identity() * (1.0 + 1e-6 * k as f64))
+///         .collect();
+///     let mut rves: Vec<&mut Rve> = rves.iter_mut().collect();
+///     for solved in batch.solve(&mut rves, &targets, &EquilibriumParams::default())?.iter().flatten() {
+///         println!("{}", solved.pk1);
+///     }
+///     Ok(())
+/// }
+/// ```
 #[derive(Debug)]
-pub struct RveBatch {
+pub struct DeviceBatch {
     batch: NetworkBatch,
-    /// The stress scale of the model.
-    scale: f64,
-    /// The residual that counts as zero.
-    floor: f64,
-    interior: usize,
+    of_model: OfModel,
 }
 
-/// Returns the form in which the kernels evaluate a law; `None` for a table or a custom law.
-fn law_data(law: &Law) -> Option<LawData> {
-    let formula = match *law {
-        Law::Linear { youngs_modulus } => LawFormula::Linear { youngs_modulus },
-        Law::Exponential { youngs_modulus, nonlinearity } => LawFormula::Exponential { youngs_modulus, nonlinearity },
-        Law::ExponentialStretch { youngs_modulus, nonlinearity, transition } => {
-            LawFormula::ExponentialStretch { youngs_modulus, nonlinearity, transition }
-        }
-        Law::Buckling { ref law, compression, buckling_strain } => {
-            let inner = law_data(law)?;
-            // The behavior in tension of a law that itself buckles is that of its own law in tension.
-            return Some(LawData { buckling: Some((compression, buckling_strain)), ..inner });
-        }
-        Law::Table(_) | Law::Custom(_) => return None,
-    };
-    Some(LawData { formula, buckling: None })
-}
-
-/// Returns the network of a model for the kernels; `None` if they cannot evaluate a law, or if an interior node has no
-/// fiber.
-fn network_data<B: RealBackend>(model: &RveModel<B>) -> Option<NetworkData> {
-    let (truss, network) = (model.truss(), model.network());
-    let mut laws = Vec::new();
-    let mut law_of = Vec::new();
-    for (law, range) in truss.laws() {
-        law_of.extend(range.map(|_| laws.len() as u32));
-        laws.push(law_data(law)?);
-    }
-    let interior = network.interior().len();
-    let mut has_fiber = vec![false; network.nodes().len()];
-    truss.ends().as_flattened().iter().for_each(|&node| has_fiber[node as usize] = true);
-    if !network.interior().iter().all(|&node| has_fiber[node as usize]) {
-        return None;
-    }
-    let mut number = vec![0; network.nodes().len()];
-    for (place, &node) in (0..).zip(network.interior().iter().chain(network.boundary())) {
-        number[node as usize] = place;
-    }
-    Some(NetworkData {
-        interior,
-        boundary: network.boundary().iter().map(|&node| network.nodes()[node as usize]).collect(),
-        ends: truss.ends().iter().map(|ends| ends.map(|node| number[node as usize])).collect(),
-        lengths: truss.lengths().to_vec(),
-        areas: truss.areas().to_vec(),
-        law_of,
-        laws,
-    })
-}
-
-impl RveBatch {
+impl DeviceBatch {
     /// Makes an empty batch for RVEs of this model. With `predicts`, a solution keeps the sensitivities of the interior
     /// nodes, and the next one starts from a first-order prediction.
     ///
@@ -131,8 +69,7 @@ impl RveBatch {
     }
 
     fn of<B: RealBackend>(model: &RveModel<B>, batch: NetworkBatch) -> Self {
-        let interior = model.network().interior().len();
-        Self { batch, scale: model.scale(), floor: model.rounding_floor(), interior }
+        Self { batch, of_model: OfModel::new(model) }
     }
 
     /// The networks on the device.
@@ -148,21 +85,7 @@ impl RveBatch {
     /// Returns the parameters for the kernels; `None` if the parameters ask for something else than Newton's method as the
     /// first stage.
     pub fn params(&self, params: &EquilibriumParams) -> Option<BatchParams> {
-        /// Networks of a warp wait for the one with the most iterations. One that needs more is left to the processor.
-        const MOST_ITERATIONS: usize = 30;
-        let newton = params.newton;
-        let is_plain = newton.step_tolerance.is_none() && newton.energy_tolerance.is_none();
-        let is_possible = params.stages.has(Stage::Newton) && is_plain && (1..=8).contains(&newton.nonmonotone_memory);
-        is_possible.then_some(BatchParams {
-            tolerance: newton.tolerance,
-            floor: self.floor,
-            max_iterations: newton.max_iterations.min(MOST_ITERATIONS) as u32,
-            max_backtracks: newton.max_backtracks,
-            sufficient_decrease: newton.sufficient_decrease,
-            memory: newton.nonmonotone_memory as u32,
-            excessive_force: ExcessiveForce::THRESHOLD,
-            wants_tangent: true,
-        })
+        self.of_model.params(params)
     }
 
     /// Brings RVEs to equilibrium at these deformation gradients, as [`BatchSolver::solve`].
@@ -185,14 +108,15 @@ impl RveBatch {
         if at_once == 0 {
             return Ok(vec![None; rves.len()]);
         }
-        let (interior, scale) = (self.interior, self.scale);
+        let of_model = self.of_model;
+        let interior = of_model.interior;
         for (rves, targets) in rves.chunks_mut(at_once).zip(targets.chunks(at_once)) {
             self.batch.set_states(rves.len(), |states| write_states(rves, interior, states))?;
             let results = self.batch.solve(&rows_of(targets), &params)?;
             let inputs = rves.par_iter().zip(targets).enumerate();
             let responses = inputs.map(|(number, (rve, target))| {
                 let is_of_model = rve.interior().len() == interior && target.determinant() > 0.0;
-                response(&results.get(number), scale, target).filter(|_| is_of_model)
+                of_model.equilibrium(&results.get(number), target).filter(|_| is_of_model)
             });
             let responses: Vec<Option<BatchEquilibrium>> = responses.collect();
             self.batch.read_states(|states| {
@@ -227,7 +151,7 @@ impl RveBatch {
         if at_once == 0 {
             return Ok(vec![false; from.len()]);
         }
-        let interior = self.interior;
+        let interior = self.of_model.interior;
         for (from, reached) in from.chunks(at_once).zip(reached.chunks(at_once)) {
             self.batch.set_states(from.len(), |states| write_states(from, interior, states))?;
             let targets: Vec<Matrix3<f64>> = reached.iter().map(|rve| *rve.gradient()).collect();
@@ -240,7 +164,7 @@ impl RveBatch {
     }
 }
 
-impl BatchSolver for RveBatch {
+impl BatchSolver for DeviceBatch {
     fn solve(
         &mut self,
         rves: &mut [&mut Rve],
@@ -298,24 +222,6 @@ fn take_state(rve: &mut Rve, target: &Matrix3<f64>, interior: usize, states: &Ne
     let sensitivities = (!states.sensitivities.is_empty())
         .then(|| states.sensitivities[SENSITIVITIES * interior * number..][..SENSITIVITIES * interior].as_chunks().0);
     rve.replace(target, positions.as_chunks().0, sensitivities);
-}
-
-fn response(result: &NetworkResult<'_>, scale: f64, target: &Matrix3<f64>) -> Option<BatchEquilibrium> {
-    if result.status() != Status::Converged {
-        return None;
-    }
-    let pk1 = Matrix3::from_row_slice(&result.stress()) * scale;
-    Some(BatchEquilibrium {
-        tangent: tangent_from_form(&result.form(), scale, target, &pk1)?,
-        pk1,
-        energy: scale * result.energy(),
-        iterations: result.iterations(),
-        backtracks: result.backtracks(),
-    })
-}
-
-fn rows(gradient: &Matrix3<f64>) -> [f64; 9] {
-    std::array::from_fn(|k| gradient[(k / 3, k % 3)])
 }
 
 fn rows_of(gradients: &[Matrix3<f64>]) -> Vec<[f64; 9]> {

@@ -1,15 +1,18 @@
-//! The kernels, executed on the processor, against the equilibria of single RVEs.
+//! Batches against the equilibria of single RVEs: lanes with all instructions of the machine, and the kernels for graphics
+//! processors, executed on the processor.
 
 use std::sync::Arc;
 
 use nalgebra::Matrix3;
 
 use super::*;
+use crate::backends::networks::lanes::Level;
 use crate::backends::sparse::Sparse;
+use crate::fiber::batch::BatchSolver;
 use crate::fiber::equilibrium::{converges_to, equilibrate};
 use crate::fiber::law::FiberMaterial;
 use crate::fiber::network::generate::{delaunay, voronoi};
-use crate::fiber::rve::StressScale;
+use crate::fiber::rve::{Rve, Sensitivities, StressScale};
 use crate::fiber::workspace::Workspace;
 use crate::las::conformance::Random;
 
@@ -32,13 +35,19 @@ fn model(law: Law, points: usize) -> Model {
     RveModel::new(&(), network, Some(material), StressScale::FiberVolumeFraction(0.01)).unwrap()
 }
 
-/// Returns the batch whose kernels run on the processor, or prints why there is none.
-fn emulated(model: &Model, predicts: bool) -> Option<RveBatch> {
-    let batch = RveBatch::emulated(model, predicts);
-    if batch.is_none() {
-        println!("skipped: there is no C++ compiler");
+/// Returns all solvers of batches that this machine has, with their names.
+fn solvers(model: &Model, predicts: bool) -> Vec<(String, Box<dyn BatchSolver>)> {
+    let mut solvers: Vec<(String, Box<dyn BatchSolver>)> = Vec::new();
+    for level in Level::all() {
+        let lanes = LaneBatch::with_level(model, predicts, level).unwrap();
+        solvers.push((format!("{level:?}"), Box::new(lanes)));
     }
-    batch
+    #[cfg(feature = "cuda")]
+    match DeviceBatch::emulated(model, predicts) {
+        Some(batch) => solvers.push(("kernels".into(), Box::new(batch))),
+        None => println!("skipped: there is no C++ compiler"),
+    }
+    solvers
 }
 
 /// Deformation gradients within `size` of the identity.
@@ -53,9 +62,18 @@ fn near(found: &[f64], expected: &[f64], tolerance: f64) {
     }
 }
 
-/// Solves for the same increments by the batch and one by one, and compares; returns how many the batch left.
+/// Solves for the same increments by each batch and one by one, and compares; returns how many the batches left.
 fn compare(model: &Model, predicts: bool, increments: &[Vec<Matrix3<f64>>]) -> usize {
-    let Some(mut batch) = emulated(model, predicts) else { return 0 };
+    let left = solvers(model, predicts).into_iter().map(|(name, mut batch)| {
+        println!("{name}");
+        compare_with(&mut *batch, model, predicts, increments)
+    });
+    let left: Vec<usize> = left.collect();
+    assert!(left.iter().all(|&of_batch| of_batch == left[0]), "{left:?}");
+    left[0]
+}
+
+fn compare_with(batch: &mut dyn BatchSolver, model: &Model, predicts: bool, increments: &[Vec<Matrix3<f64>>]) -> usize {
     let params = EquilibriumParams::default();
     let count = increments[0].len();
     let mut workspace = Workspace::new(&(), model).unwrap();
@@ -123,17 +141,16 @@ fn batches_give_the_results_of_single_rves_with_every_law() {
 fn a_batch_leaves_what_needs_more_than_newton() {
     let law = Law::Exponential { youngs_modulus: 1.0e7, nonlinearity: 1.2 };
     let crushed = Matrix3::from_diagonal_element(0.4);
-    let left = compare(&model(law.clone(), 30), true, &[vec![crushed; 3]]);
-    assert!(left == 3 || emulated(&model(law, 30), true).is_none());
+    let left = compare(&model(law, 30), true, &[vec![crushed; 3]]);
+    assert_eq!(left, 3);
 }
 
 #[test]
 fn a_test_of_continuation_is_that_of_single_rves() {
     let model = model(Law::Exponential { youngs_modulus: 1.0e7, nonlinearity: 1.2 }, 40);
-    let Some(mut batch) = emulated(&model, true) else { return };
     let params = EquilibriumParams::default();
     let mut workspace = Workspace::new(&(), &model).unwrap();
-    let (mut random, mut count) = (Random::new(5), 0);
+    let mut random = Random::new(5);
     let mut reached = Vec::new();
     for (number, target) in gradients(40, 0.12, &mut random).iter().enumerate() {
         let mut rve = Rve::at_rest(model.network());
@@ -147,12 +164,15 @@ fn a_test_of_continuation_is_that_of_single_rves() {
         reached.push(rve);
     }
     let rest = Rve::at_rest(model.network());
-    let found = batch.converge_to(&vec![&rest; 40], &reached.iter().collect::<Vec<_>>(), &params).unwrap();
-    for (rve, found) in reached.iter().zip(found) {
-        assert_eq!(found, converges_to(&model, &rest, rve, &params.newton, &mut workspace));
-        count += usize::from(found);
+    for (name, mut batch) in solvers(&model, true) {
+        let found = batch.converge_to(&vec![&rest; 40], &reached.iter().collect::<Vec<_>>(), &params).unwrap();
+        let mut count = 0;
+        for (rve, found) in reached.iter().zip(found) {
+            assert_eq!(found, converges_to(&model, &rest, rve, &params.newton, &mut workspace), "{name}");
+            count += usize::from(found);
+        }
+        assert!((20..=30).contains(&count), "{name}: {count}");
     }
-    assert!((20..=30).contains(&count), "{count}");
 }
 
 #[test]
@@ -165,5 +185,45 @@ fn networks_of_any_shape_fit_a_batch() {
         let model = RveModel::new(&(), Arc::new(network), Some(material(law.clone())), scale).unwrap();
         let mut random = Random::new(8);
         compare(&model, false, &[gradients(10, 0.3, &mut random)]);
+    }
+}
+
+/// The result of an RVE is the same beside any others, with any number of threads, and with any fused instructions.
+#[test]
+fn lanes_do_not_depend_on_their_neighbors() {
+    let model = model(Law::Exponential { youngs_modulus: 1.0e7, nonlinearity: 5.0 }, 60);
+    let params = EquilibriumParams::default();
+    let mut random = Random::new(11);
+    let count = 37;
+    let targets = gradients(count, 0.15, &mut random);
+    let solve = |level: Level, order: &[usize]| {
+        let batch = LaneBatch::with_level(&model, true, level).unwrap();
+        let mut rves = vec![Rve::at_rest(model.network()); count];
+        let mut by_order: Vec<Option<&mut Rve>> = rves.iter_mut().map(Some).collect();
+        let mut chosen: Vec<&mut Rve> = order.iter().map(|&k| by_order[k].take().unwrap()).collect();
+        let of_order: Vec<Matrix3<f64>> = order.iter().map(|&k| targets[k]).collect();
+        let solved = batch.solve(&mut chosen, &of_order, &params);
+        let mut results = vec![None; count];
+        for (&k, solved) in order.iter().zip(solved) {
+            results[k] = solved.map(|solved| (solved.pk1, solved.energy, solved.tangent, solved.iterations));
+        }
+        (results, rves)
+    };
+    let ascending: Vec<usize> = (0..count).collect();
+    for level in Level::all() {
+        let expected = solve(level, &ascending);
+        assert!(expected.0.iter().flatten().count() > 20, "most have an equilibrium");
+        assert!(expected.0.iter().flatten().any(|solved| solved.3 > expected.0[0].unwrap().3), "iterations differ");
+        let mut order = ascending.clone();
+        for _ in 0..3 {
+            (1..count).rev().for_each(|k| order.swap(k, (random.signed().abs() * (k + 1) as f64) as usize % (k + 1)));
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().unwrap();
+            assert!(pool.install(|| solve(level, &order)) == expected, "{level:?}");
+        }
+    }
+    #[cfg(target_arch = "x86_64")]
+    if let [.., Level::Avx2(_), Level::Avx512(_)] = Level::all()[..] {
+        let [.., four, eight] = Level::all()[..] else { return };
+        assert!(solve(four, &ascending) == solve(eight, &ascending), "the lanes have other bits");
     }
 }

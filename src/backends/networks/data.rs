@@ -1,7 +1,5 @@
 //! What a batch is made of: the network, its laws, the states, and the parameters of a solution.
 
-use super::layout::LAW_LEN;
-
 /// The law of a fiber: the nominal stress as a function of the stretch, see `fiber::law`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LawData {
@@ -23,9 +21,12 @@ pub enum LawFormula {
     ExponentialStretch { youngs_modulus: f64, nonlinearity: f64, transition: f64 },
 }
 
+/// Numbers of a law.
+const LAW_LEN: usize = 10;
+
 impl LawData {
     /// The number of the formula in the kernels.
-    pub(super) fn kind(&self) -> u32 {
+    fn kind(&self) -> u32 {
         match self.formula {
             LawFormula::Linear { .. } => 0,
             LawFormula::Exponential { .. } => 1,
@@ -33,7 +34,9 @@ impl LawData {
         }
     }
 
-    pub(super) fn numbers(&self) -> [f64; LAW_LEN] {
+    /// Returns the kind of the formula, modulus, nonlinearity, transition; then whether it buckles, residual stiffness,
+    /// strain; modulus over nonlinearity, and the inverses of modulus and strain.
+    pub(in crate::backends) fn numbers(&self) -> [f64; LAW_LEN] {
         let (e, b, transition) = match self.formula {
             LawFormula::Linear { youngs_modulus } => (youngs_modulus, 1.0, 1.0),
             LawFormula::Exponential { youngs_modulus, nonlinearity } => (youngs_modulus, nonlinearity, 1.0),
@@ -47,7 +50,7 @@ impl LawData {
     }
 
     /// Returns the kind of all laws, if it is the same and none of them buckles.
-    pub(super) fn only(laws: &[Self]) -> Option<u32> {
+    pub(in crate::backends) fn only(laws: &[Self]) -> Option<u32> {
         let kind = laws.first()?.kind();
         laws.iter().all(|law| law.kind() == kind && law.buckling.is_none()).then_some(kind)
     }

@@ -2,11 +2,11 @@
 //! pattern, so that many matrices are factored side by side.
 
 /// The index that denotes no block, no edge.
-pub(super) const NONE: u32 = u32::MAX;
+pub(in crate::backends) const NONE: u32 = u32::MAX;
 
 /// The columns of a tile, and the rows below it whose sums are in registers at the same time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(super) struct TileShape {
+pub(in crate::backends) struct TileShape {
     pub columns: usize,
     pub rows: usize,
 }
@@ -16,7 +16,7 @@ pub(super) struct TileShape {
 /// columns of which each has an entry in the row of the next. Each list has the tiles one after the other; a tile has
 /// fewer columns than its shape if the run is shorter, and the zero block takes the place of blocks that do not exist.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Schedule {
+pub(in crate::backends) struct Schedule {
     /// The number of tiles.
     pub tiles: usize,
     /// By tile: its first column and the number of its columns; for each pair of its columns, the block and its edge
@@ -29,7 +29,7 @@ pub(super) struct Schedule {
     /// earlier columns with entries in its rows, and for each of them, the column and these blocks.
     pub forward: Vec<u32>,
     /// By tile, from the last to the first: its first column and the number of its columns, the blocks of the pairs of
-    /// its columns, the number of rows below, and for each of them, the row and its blocks.
+    /// its columns, the number of rows below, and for each of them, from the last to the first, the row and its blocks.
     pub backward: Vec<u32>,
     /// The rows of the blocks, by column, ascending.
     columns: Vec<Vec<u32>>,
@@ -168,7 +168,8 @@ impl Schedule {
             let mut reversed = header.to_vec();
             reversed.extend(pairs.iter().map(|pair| pair.unwrap_or(blocks.count())));
             reversed.push(below.len() as u32);
-            for &i in &below {
+            // Descending, so that the order of the sums does not depend on the tiles.
+            for &i in below.iter().rev() {
                 reversed.push(i);
                 reversed.extend(
                     (0..shape.columns).map(|q| column(q).map_or(blocks.count(), |q| blocks.find_or_zero(Some(i), q))),
@@ -238,7 +239,7 @@ mod tests {
         let of_second = [2, 2, 5, NONE, 2, 0, 1, 2, 1, 3, 4, 0];
         assert_eq!(star.factor, [&of_first[..], &of_second[..]].concat());
         assert_eq!(star.forward, [0, 2, 0, 0, 2, 2, 5, 2, 0, 1, 2, 1, 3, 4]);
-        assert_eq!(star.backward, [2, 2, 5, 0, 0, 2, 0, 2, 2, 1, 3, 3, 2, 4]);
+        assert_eq!(star.backward, [2, 2, 5, 0, 0, 2, 0, 2, 3, 2, 4, 2, 1, 3]);
         assert_eq!(star.reads(), 4);
     }
 

@@ -1,8 +1,20 @@
 //! The results of a batch.
 
-use super::layout::{
-    BACKTRACKS, ENERGY, FORM, IMBALANCE, ITERATIONS, MODES, PIVOT_RATIO, RESIDUAL, RESULT_LEN, SCALE, STATUS, STRESS,
-};
+/// Strain modes.
+pub(in crate::backends) const MODES: usize = 6;
+
+/// Numbers of a result, and where its parts are; `kernels/base.cu` of the backend `cuda` has the same.
+pub(in crate::backends) const RESULT_LEN: usize = 71;
+pub(super) const STATUS: usize = 0;
+pub(super) const ITERATIONS: usize = 1;
+pub(super) const BACKTRACKS: usize = 2;
+pub(super) const RESIDUAL: usize = 3;
+pub(super) const SCALE: usize = 4;
+pub(super) const PIVOT_RATIO: usize = 5;
+pub(super) const ENERGY: usize = 6;
+pub(super) const IMBALANCE: usize = 7;
+pub(super) const STRESS: usize = 8;
+pub(super) const FORM: usize = 17;
 
 /// The outcome of a network.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -49,7 +61,7 @@ pub struct NetworkResults<'a> {
 }
 
 impl<'a> NetworkResults<'a> {
-    pub(super) fn new(values: &'a [f64]) -> Self {
+    pub(in crate::backends) fn new(values: &'a [f64]) -> Self {
         Self { values }
     }
 
@@ -68,12 +80,12 @@ impl<'a> NetworkResults<'a> {
     /// # Panics
     /// Panics if the network has none.
     pub fn get(&self, network: usize) -> NetworkResult<'a> {
-        NetworkResult { values: &self.values[RESULT_LEN * network..][..RESULT_LEN] }
+        NetworkResult::new(&self.values[RESULT_LEN * network..][..RESULT_LEN])
     }
 
     /// Iterates over the results of all networks.
     pub fn iter(&self) -> impl ExactSizeIterator<Item = NetworkResult<'a>> {
-        self.values.chunks_exact(RESULT_LEN).map(|values| NetworkResult { values })
+        self.values.chunks_exact(RESULT_LEN).map(NetworkResult::new)
     }
 }
 
@@ -84,7 +96,11 @@ pub struct NetworkResult<'a> {
     values: &'a [f64],
 }
 
-impl NetworkResult<'_> {
+impl<'a> NetworkResult<'a> {
+    pub(super) fn new(values: &'a [f64]) -> Self {
+        Self { values }
+    }
+
     /// The outcome.
     pub fn status(&self) -> Status {
         Status::ALL.get(self.values[STATUS] as usize).copied().unwrap_or(Status::NotFinite)

@@ -1,0 +1,86 @@
+//! The memory of a group of networks, one in each lane.
+
+use std::cell::RefCell;
+
+use super::network::Network;
+use super::simd::{MOST_LANES, Simd};
+use crate::backends::networks::MODES;
+
+/// The numbers of a group. Interior nodes are numbered by their place in the elimination order; boundary nodes follow them.
+pub(super) struct Arrays<'a, S: Simd> {
+    /// Three coordinates of each node, at which forces are evaluated.
+    pub positions: &'a mut [S::Stored],
+    /// Three of each node: the internal force, the derivative of the energy.
+    pub forces: &'a mut [S::Stored],
+    /// Six of each fiber: its stiffness.
+    pub fibers: &'a mut [S::Stored],
+    /// Six of each interior node: the diagonal block of the stiffness.
+    pub stiffness: &'a mut [S::Stored],
+    /// Six of each pair of coupled interior nodes: the negative of its block.
+    pub pairs: &'a mut [S::Stored],
+    /// Six of each interior node: the inverse of the diagonal block of the factor.
+    pub diagonal: &'a mut [S::Stored],
+    /// Nine of each block of the factor below the diagonal, and of a last block of zeros.
+    pub lower: &'a mut [S::Stored],
+    /// Three of each interior node: the residual, then the direction.
+    pub direction: &'a mut [S::Stored],
+    /// Eighteen of each node: the sensitivities to the six strains.
+    pub modes: &'a mut [S::Stored],
+    /// Eighteen of each node: the sensitivities of the forces.
+    pub loads: &'a mut [S::Stored],
+}
+
+/// A number of each of the most lanes of any machine.
+#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C, align(64))]
+struct Entry([f64; MOST_LANES]);
+
+thread_local! {
+    /// The memory of all groups that this thread solves, one after the other: as large as the largest of them needs.
+    static MEMORY: RefCell<Vec<Entry>> = const { RefCell::new(Vec::new()) };
+}
+
+/// The numbers of entries of the arrays of a network.
+fn lengths(network: &Network) -> [usize; 10] {
+    let Network { interior, nodes, .. } = *network;
+    let (fibers, pairs, blocks) = (network.fibers.len(), network.pairs, network.schedule.blocks());
+    [
+        3 * nodes,
+        3 * nodes,
+        6 * fibers,
+        6 * interior,
+        6 * pairs,
+        6 * interior,
+        9 * (blocks + 1),
+        3 * interior,
+        3 * MODES * nodes,
+        3 * MODES * nodes,
+    ]
+}
+
+/// Bytes of the arrays of a network in each lane.
+pub(super) fn bytes_per_lane(network: &Network) -> usize {
+    size_of::<f64>() * lengths(network).iter().sum::<usize>()
+}
+
+/// Calls `action` with arrays for a network, which hold numbers of earlier groups.
+pub(super) fn with_arrays<S: Simd, R>(network: &Network, action: impl FnOnce(&mut Arrays<'_, S>) -> R) -> R {
+    MEMORY.with(|memory| {
+        let mut memory = memory.borrow_mut();
+        let lengths = lengths(network);
+        let entries = lengths.iter().sum::<usize>();
+        let needed = (entries * S::LANES).div_ceil(MOST_LANES);
+        if memory.len() < needed {
+            memory.resize(needed, bytemuck::Zeroable::zeroed());
+        }
+        let mut rest: &mut [S::Stored] = bytemuck::cast_slice_mut(&mut memory);
+        let mut take = |length: usize| {
+            let (taken, others) = std::mem::take(&mut rest).split_at_mut(length);
+            rest = others;
+            taken
+        };
+        let [positions, forces, fibers, stiffness, pairs, diagonal, lower, direction, modes, loads] =
+            lengths.map(&mut take);
+        action(&mut Arrays { positions, forces, fibers, stiffness, pairs, diagonal, lower, direction, modes, loads })
+    })
+}

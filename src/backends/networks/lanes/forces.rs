@@ -1,0 +1,126 @@
+//! Forces and stiffness.
+
+use super::arrays::Arrays;
+use super::laws::Law;
+use super::network::{Fiber, NO_PAIR, Network};
+use super::simd::{Kernel, Lanes, Simd, load, numbers_of_mut, store};
+
+/// What the evaluation of forces says about each lane.
+pub(super) struct Forces<S: Simd> {
+    /// Norm of the forces at interior nodes.
+    pub residual: Lanes<S>,
+    /// Norm of the forces at all nodes.
+    pub scale: Lanes<S>,
+    /// The largest nominal stress over modulus of all fibers, by absolute value.
+    pub largest: Lanes<S>,
+}
+
+/// Computes the forces of all nodes and the stiffness; copies the forces of interior nodes to `direction`.
+pub(super) struct Evaluate<'a, 'b, S: Simd> {
+    pub network: &'a Network,
+    pub arrays: &'a mut Arrays<'b, S>,
+}
+
+/// The direction from the first end of a fiber to the second, and its length.
+#[inline(always)]
+pub(super) fn vector_and_length<S: Simd>(simd: S, positions: &[S::Stored], fiber: &Fiber) -> ([Lanes<S>; 3], Lanes<S>) {
+    let from: [Lanes<S>; 3] = load(simd, positions, fiber.ends[0] as usize);
+    let to: [Lanes<S>; 3] = load(simd, positions, fiber.ends[1] as usize);
+    let d = [to[0] - from[0], to[1] - from[1], to[2] - from[2]];
+    // Not fused, like the reference lengths, so that the stretch at rest is exactly 1.
+    (d, (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt())
+}
+
+/// Returns the stretch of a fiber: the quotient to rounding.
+#[inline(always)]
+pub(super) fn stretch_of<S: Simd>(length: Lanes<S>, fiber: &Fiber) -> Lanes<S> {
+    let simd = length.0;
+    let (rest, inverse) = (Lanes::splat(simd, fiber.length), Lanes::splat(simd, fiber.inverse_length));
+    let quotient = length * inverse;
+    let mut remainder = length;
+    remainder.subtract_product(quotient, rest);
+    remainder.mul_add(inverse, quotient)
+}
+
+impl<S: Simd> Kernel<S> for Evaluate<'_, '_, S> {
+    type Output = Forces<S>;
+
+    #[inline(always)]
+    fn run(self, simd: S) -> Forces<S> {
+        let Self { network, arrays } = self;
+        let Arrays { positions, forces, fibers, stiffness, pairs, direction, .. } = arrays;
+        for zeroed in [&mut **forces, &mut **stiffness, &mut **pairs] {
+            numbers_of_mut::<S>(zeroed).fill(0.0);
+        }
+        let zero = Lanes::splat(simd, 0.0);
+        let mut largest = zero;
+        for (number, fiber) in network.fibers.iter().enumerate() {
+            let law: &Law = &network.laws[fiber.law as usize];
+            let (d, length) = vector_and_length(simd, positions, fiber);
+            let inverse = Lanes::splat(simd, 1.0).div(length);
+            let (stress, slope) = law.stress(stretch_of(length, fiber));
+            let force = stress * fiber.area;
+            let geometric = force * inverse;
+            let material = slope * fiber.area_over_length - geometric;
+            let ratio = stress.abs() * law.inverse_modulus;
+            largest = largest.where_or(ratio.less_or_equal(largest), ratio);
+            let n = [d[0] * inverse, d[1] * inverse, d[2] * inverse];
+            let pull = [force * n[0], force * n[1], force * n[2]];
+            let m = [material * n[0], material * n[1], material * n[2]];
+            let block = [
+                m[0].mul_add(n[0], geometric),
+                m[0] * n[1],
+                m[1].mul_add(n[1], geometric),
+                m[0] * n[2],
+                m[1] * n[2],
+                m[2].mul_add(n[2], geometric),
+            ];
+            store(&block, fibers, number);
+            let [a, b] = fiber.ends.map(|node| node as usize);
+            subtract_from(simd, forces, a, &pull);
+            add_to(simd, forces, b, &pull);
+            for node in [a, b] {
+                if node < network.interior {
+                    add_to(simd, stiffness, node, &block);
+                }
+            }
+            if fiber.pair != NO_PAIR {
+                add_to(simd, pairs, fiber.pair as usize, &block);
+            }
+        }
+        let (mut residual, mut all) = (zero, zero);
+        for node in 0..network.nodes {
+            let force: [Lanes<S>; 3] = load(simd, forces, node);
+            let square = force[0] * force[0] + force[1] * force[1] + force[2] * force[2];
+            all += square;
+            if node < network.interior {
+                residual += square;
+                store(&force, direction, node);
+            }
+        }
+        Forces { residual: residual.sqrt(), scale: all.sqrt(), largest }
+    }
+}
+
+#[inline(always)]
+pub(super) fn add_to<S: Simd, const N: usize>(simd: S, array: &mut [S::Stored], at: usize, block: &[Lanes<S>; N]) {
+    let mut sum: [Lanes<S>; N] = load(simd, array, at);
+    for k in 0..N {
+        sum[k] += block[k];
+    }
+    store(&sum, array, at);
+}
+
+#[inline(always)]
+pub(super) fn subtract_from<S: Simd, const N: usize>(
+    simd: S,
+    array: &mut [S::Stored],
+    at: usize,
+    block: &[Lanes<S>; N],
+) {
+    let mut sum: [Lanes<S>; N] = load(simd, array, at);
+    for k in 0..N {
+        sum[k] -= block[k];
+    }
+    store(&sum, array, at);
+}

@@ -1,0 +1,324 @@
+//! Equilibria of many fiber networks at once, one in each lane of the vector registers.
+//!
+//! The numbers of as many networks as a register has lanes (eight with AVX-512, four otherwise) alternate in memory. Each
+//! operation acts on all of them: forces and stiffness, the factorization in 3x3 blocks, the solutions with the factor.
+//! Every lane has its own iterations and its own line search; it waits where it is until all have finished. The result of
+//! a network is the same bit for bit in any lane, beside any others, and with any number of lanes, as long as the machine
+//! has fused multiply-adds.
+//!
+//! The memory of a group belongs to the thread that solves it, and serves all networks that this thread solves.
+
+mod arrays;
+mod blocks;
+mod factor;
+mod forces;
+mod laws;
+mod network;
+mod newton;
+mod simd;
+mod start;
+mod tangent;
+mod triangular;
+#[cfg(target_arch = "x86_64")]
+mod x86;
+
+#[cfg(target_arch = "x86_64")]
+use pulp::x86::{V3, V4};
+
+use arrays::{Arrays, with_arrays};
+use network::Network;
+use newton::{Course, Newton};
+use simd::{Lanes, MOST_LANES, Portable, Simd, numbers_of};
+pub use start::LaneStart;
+use tangent::{ComputeProducts, Energy, SolveModes, Stress};
+
+use super::result::{BACKTRACKS, ENERGY, FORM, IMBALANCE, ITERATIONS, PIVOT_RATIO, RESIDUAL, SCALE, STATUS, STRESS};
+use super::{BatchParams, MODES, NetworkData, NetworkResult, RESULT_LEN, STEPS_OF_CONTINUATION, Status};
+
+/// Interior force sensitivities, relative to those at all nodes, at which the sensitivities are accurate.
+const ACCURATE: f64 = 1e-8;
+
+/// The instructions that the lanes use.
+#[derive(Clone, Copy, Debug)]
+pub enum Level {
+    /// Those of any machine: four lanes.
+    Portable,
+    /// AVX2 with fused multiply-adds: four lanes.
+    #[cfg(target_arch = "x86_64")]
+    Avx2(V3),
+    /// AVX-512: eight lanes.
+    #[cfg(target_arch = "x86_64")]
+    Avx512(V4),
+}
+
+impl Level {
+    /// Returns all levels that this machine has, the fastest last.
+    pub fn all() -> Vec<Self> {
+        let mut all = vec![Self::Portable];
+        #[cfg(target_arch = "x86_64")]
+        {
+            all.extend(V3::try_new().map(Self::Avx2));
+            all.extend(V4::try_new().map(Self::Avx512));
+        }
+        all
+    }
+
+    /// The number of lanes.
+    pub fn lanes(self) -> usize {
+        match self {
+            Self::Portable => Portable::LANES,
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2(_) => V3::LANES,
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512(_) => V4::LANES,
+        }
+    }
+}
+
+/// The outcome of a network, with its new state if it is in equilibrium.
+#[derive(Debug)]
+pub struct LaneEnd<'a> {
+    numbers: &'a [f64],
+    /// The positions of the interior nodes.
+    pub positions: &'a [[f64; 3]],
+    /// The sensitivities, as in [`LaneStart::sensitivities`]; empty without tangent.
+    pub sensitivities: &'a [[f32; 3 * MODES]],
+}
+
+impl LaneEnd<'_> {
+    /// Stress, energy, tangent and counters.
+    pub fn result(&self) -> NetworkResult<'_> {
+        NetworkResult::new(self.numbers)
+    }
+}
+
+/// A network whose equilibria are found in lanes.
+#[derive(Debug)]
+pub struct NetworkLanes {
+    level: Level,
+    network: Network,
+}
+
+impl NetworkLanes {
+    /// Orders a network for the lanes of this machine.
+    ///
+    /// # Panics
+    /// Panics if the lists of the network have different lengths, or if a fiber has a node or a law that does not exist.
+    pub fn new(network: &NetworkData) -> Self {
+        Self::with_level(network, Level::all().pop().unwrap_or(Level::Portable))
+    }
+
+    /// Orders a network for these instructions.
+    ///
+    /// # Panics
+    /// As for [`NetworkLanes::new`].
+    pub fn with_level(network: &NetworkData, level: Level) -> Self {
+        let tile = match level {
+            Level::Portable => Portable::TILE,
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx2(_) => V3::TILE,
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx512(_) => V4::TILE,
+        };
+        Self { level, network: Network::new(network, tile) }
+    }
+
+    /// The number of networks that are solved at once.
+    pub fn lanes(&self) -> usize {
+        self.level.lanes()
+    }
+
+    /// Floating-point operations of one factorization.
+    pub fn operations(&self) -> f64 {
+        self.network.schedule.operations()
+    }
+
+    /// Bytes of memory for each lane of a group.
+    pub fn bytes_per_lane(&self) -> usize {
+        arrays::bytes_per_lane(&self.network)
+    }
+
+    /// Finds the equilibria of up to [`NetworkLanes::lanes`] networks. Calls `read` with the index of each, in ascending
+    /// order, and its outcome.
+    ///
+    /// # Panics
+    /// Panics if there are more networks than lanes, if one has another number of interior nodes, or if
+    /// [`BatchParams::memory`] is not 1 to 8.
+    pub fn solve(&self, starts: &[LaneStart<'_>], params: &BatchParams, read: impl FnMut(usize, LaneEnd<'_>)) {
+        self.check(starts, params);
+        match self.level {
+            Level::Portable => self.solve_with::<_, 1, 1>(Portable, starts, params, read),
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx2(simd) => self.solve_with::<_, 1, 1>(simd, starts, params, read),
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx512(simd) => self.solve_with::<_, 2, 1>(simd, starts, params, read),
+        }
+    }
+
+    /// Tests for up to [`NetworkLanes::lanes`] networks whether Newton's method leads from their states, moved affinely to
+    /// the targets, to the equilibria with these interior positions: [`Status::Continues`] if it evidently does.
+    ///
+    /// # Panics
+    /// As for [`NetworkLanes::solve`], and if there are not positions for each network.
+    pub fn continues(&self, starts: &[LaneStart<'_>], reached: &[&[[f64; 3]]], params: &BatchParams) -> Vec<Status> {
+        assert_eq!(starts.len(), reached.len(), "one equilibrium for each start");
+        self.check(starts, params);
+        let order = &self.network.order;
+        let reached: Vec<Vec<[f64; 3]>> =
+            reached.iter().map(|reached| order.iter().map(|&node| reached[node as usize]).collect()).collect();
+        let params = BatchParams { max_iterations: STEPS_OF_CONTINUATION, ..*params };
+        match self.level {
+            Level::Portable => self.continues_with::<_, 1, 1>(Portable, starts, &reached, &params),
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx2(simd) => self.continues_with::<_, 1, 1>(simd, starts, &reached, &params),
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx512(simd) => self.continues_with::<_, 2, 1>(simd, starts, &reached, &params),
+        }
+    }
+
+    fn check(&self, starts: &[LaneStart<'_>], params: &BatchParams) {
+        assert!(starts.len() <= self.lanes(), "at most one network for each lane");
+        assert!((1..=8).contains(&params.memory), "1 to 8 iterates in the sufficient-decrease condition");
+        let interior = self.network.interior;
+        assert!(starts.iter().all(|start| start.positions.len() == interior), "a position for each interior node");
+    }
+
+    fn continues_with<S: Simd, const C: usize, const R: usize>(
+        &self,
+        simd: S,
+        starts: &[LaneStart<'_>],
+        reached: &[Vec<[f64; 3]>],
+        params: &BatchParams,
+    ) -> Vec<Status> {
+        let network = &self.network;
+        with_arrays(network, |arrays| {
+            write_starts(network, starts, arrays);
+            let newton = Newton { simd, network, arrays, params, lanes: starts.len() };
+            let courses = newton.run::<C, R>(Some(reached));
+            courses.iter().map(|course| course.status.unwrap_or(Status::Inconclusive)).collect()
+        })
+    }
+
+    fn solve_with<S: Simd, const C: usize, const R: usize>(
+        &self,
+        simd: S,
+        starts: &[LaneStart<'_>],
+        params: &BatchParams,
+        mut read: impl FnMut(usize, LaneEnd<'_>),
+    ) {
+        let network = &self.network;
+        with_arrays(network, |arrays| {
+            write_starts(network, starts, arrays);
+            let courses = Newton { simd, network, arrays, params, lanes: starts.len() }.run::<C, R>(None);
+            let mut results: Vec<[f64; RESULT_LEN]> = courses.iter().map(write_course).collect();
+            if courses.iter().any(|course| course.status == Some(Status::Converged)) {
+                condense::<S, C>(simd, network, arrays, params.wants_tangent, &mut results);
+            }
+            let (mut positions, mut sensitivities) = (vec![[0.0; 3]; network.interior], Vec::new());
+            for (lane, numbers) in results.iter().enumerate() {
+                if numbers[STATUS] == Status::Converged as usize as f64 {
+                    read_positions::<S>(network, arrays, lane, &mut positions);
+                    if params.wants_tangent {
+                        sensitivities.resize(network.interior, [0.0; 3 * MODES]);
+                        read_sensitivities(simd, network, arrays, lane, &mut sensitivities);
+                    }
+                }
+                read(lane, LaneEnd { numbers, positions: &positions, sensitivities: &sensitivities });
+            }
+        });
+    }
+}
+
+/// Writes the starts into the lanes; lanes without a network are copies of the first one.
+fn write_starts<S: Simd>(network: &Network, starts: &[LaneStart<'_>], arrays: &mut Arrays<'_, S>) {
+    for lane in 0..S::LANES {
+        if let Some(start) = starts.get(lane).or(starts.first()) {
+            start::write_start::<S>(network, start, lane, arrays.positions);
+        }
+    }
+}
+
+fn write_course(course: &Course) -> [f64; RESULT_LEN] {
+    let mut numbers = [0.0; RESULT_LEN];
+    numbers[STATUS] = course.status.unwrap_or(Status::NotFinite) as usize as f64;
+    numbers[ITERATIONS] = f64::from(course.iterations);
+    numbers[BACKTRACKS] = f64::from(course.backtracks);
+    numbers[RESIDUAL] = course.residual;
+    numbers[SCALE] = course.scale;
+    numbers[PIVOT_RATIO] = course.pivot_ratio;
+    numbers
+}
+
+/// Computes stress, energy and tangent of the lanes that have converged.
+fn condense<S: Simd, const C: usize>(
+    simd: S,
+    network: &Network,
+    arrays: &mut Arrays<'_, S>,
+    wants_tangent: bool,
+    results: &mut [[f64; RESULT_LEN]],
+) {
+    let mut write = |at: usize, lanes: Lanes<S>| {
+        results.iter_mut().zip(lanes.numbers()).for_each(|(numbers, value)| numbers[at] = value);
+    };
+    if wants_tangent {
+        simd.vectorize(SolveModes::<S, C> { network, arrays });
+        let products = simd.vectorize(ComputeProducts { network, arrays });
+        products.form.as_flattened().iter().enumerate().for_each(|(k, &product)| write(FORM + k, product));
+        write(IMBALANCE, products.imbalance);
+    }
+    let stress = simd.vectorize(Stress { network, arrays });
+    stress.into_iter().enumerate().for_each(|(k, stress)| write(STRESS + k, stress));
+    let mut counts = [0.0; MOST_LANES];
+    for (counts, numbers) in counts.iter_mut().zip(&*results) {
+        *counts = f64::from(u8::from(numbers[STATUS] == Status::Converged as usize as f64));
+    }
+    let counts = Lanes::of_numbers(simd, &counts);
+    let energy = simd.vectorize(Energy { network, arrays, counts });
+    results.iter_mut().zip(energy.numbers()).for_each(|(numbers, energy)| numbers[ENERGY] = energy);
+    for numbers in results.iter_mut().filter(|numbers| numbers[STATUS] == Status::Converged as usize as f64) {
+        if !(numbers[IMBALANCE] <= ACCURATE) {
+            numbers[STATUS] = Status::InaccurateTangent as usize as f64;
+        }
+    }
+}
+
+fn read_positions<S: Simd>(network: &Network, arrays: &Arrays<'_, S>, lane: usize, positions: &mut [[f64; 3]]) {
+    let numbers = numbers_of::<S>(arrays.positions);
+    for (place, &node) in network.order.iter().enumerate() {
+        positions[node as usize] = std::array::from_fn(|k| numbers[(3 * place + k) * S::LANES + lane]);
+    }
+}
+
+/// Reads the sensitivities of a lane, minus those of the affine motion.
+fn read_sensitivities<S: Simd>(
+    _: S,
+    network: &Network,
+    arrays: &Arrays<'_, S>,
+    lane: usize,
+    sensitivities: &mut [[f32; 3 * MODES]],
+) {
+    let (positions, modes) = (numbers_of::<S>(arrays.positions), numbers_of::<S>(arrays.modes));
+    for (place, &node) in network.order.iter().enumerate() {
+        let x: [f64; 3] = std::array::from_fn(|k| positions[(3 * place + k) * S::LANES + lane]);
+        let of_node = &mut sensitivities[node as usize];
+        for mode in 0..MODES {
+            let affine = strain_of(mode, &x);
+            for k in 0..3 {
+                let sensitivity = modes[(3 * (MODES * place + mode) + k) * S::LANES + lane];
+                of_node[3 * mode + k] = (sensitivity - affine[k]) as f32;
+            }
+        }
+    }
+}
+
+/// Applies the `k`-th unit strain, as `tangent::strain` does for lanes.
+fn strain_of(k: usize, x: &[f64; 3]) -> [f64; 3] {
+    match k {
+        0 => [x[0], 0.0, 0.0],
+        1 => [0.0, x[1], 0.0],
+        2 => [0.0, 0.0, x[2]],
+        3 => [0.0, x[2], x[1]],
+        4 => [x[2], 0.0, x[0]],
+        _ => [x[1], x[0], 0.0],
+    }
+}

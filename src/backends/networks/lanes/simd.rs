@@ -1,0 +1,360 @@
+//! Vectors of `f64` lanes, one network a lane.
+//!
+//! All operations act on each lane separately and follow IEEE 754. With a fused multiply-add, the result of a lane is the
+//! same for any number of lanes; the portable version rounds products separately.
+
+use std::ops::{Add, AddAssign, Mul, MulAssign, Neg, Sub, SubAssign};
+
+use bytemuck::Pod;
+
+use crate::backends::networks::TileShape;
+
+/// The most lanes of a machine.
+pub(super) const MOST_LANES: usize = 8;
+
+/// The instructions of a machine; a value proves that it has them.
+///
+/// All functions that work with lanes must be `#[inline(always)]` and run inside of [`Simd::vectorize`]: only code that is
+/// inlined there is compiled for the instructions.
+pub(super) trait Simd: Copy + Send + Sync {
+    /// The lanes of a register.
+    type Floats: Copy;
+    /// The results of comparisons.
+    type Mask: Copy;
+    /// The lanes in memory, aligned to the size of a register.
+    type Stored: Pod + Send;
+
+    const LANES: usize;
+    /// The tiles of the factorization, whose sums fit into the registers.
+    const TILE: TileShape;
+
+    /// Runs `kernel` with the instructions of this machine.
+    fn vectorize<K: Kernel<Self>>(self, kernel: K) -> K::Output;
+
+    fn splat(self, value: f64) -> Self::Floats;
+    fn load(self, from: &Self::Stored) -> Self::Floats;
+    fn store(self, lanes: Self::Floats, to: &mut Self::Stored);
+    fn add(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
+    fn sub(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
+    fn mul(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
+    fn div(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
+    /// `a b + c`
+    fn mul_add(self, a: Self::Floats, b: Self::Floats, c: Self::Floats) -> Self::Floats;
+    /// `c - a b`
+    fn negate_mul_add(self, a: Self::Floats, b: Self::Floats, c: Self::Floats) -> Self::Floats;
+    fn sqrt(self, a: Self::Floats) -> Self::Floats;
+    fn abs(self, a: Self::Floats) -> Self::Floats;
+    /// `a < b`, false if one is not a number.
+    fn less(self, a: Self::Floats, b: Self::Floats) -> Self::Mask;
+    /// `a <= b`, false if one is not a number.
+    fn less_or_equal(self, a: Self::Floats, b: Self::Floats) -> Self::Mask;
+    fn select(self, mask: Self::Mask, a: Self::Floats, b: Self::Floats) -> Self::Floats;
+    /// `2^(k + offset - 1023)` for each lane, where `k` is the integer in the lowest bits of the lane.
+    fn power_of_two(self, bits: Self::Floats, offset: u64) -> Self::Floats;
+}
+
+/// A computation with lanes.
+pub(super) trait Kernel<S> {
+    type Output;
+
+    fn run(self, simd: S) -> Self::Output;
+}
+
+/// The lanes of a register, with the operators of numbers.
+#[derive(Clone, Copy)]
+pub(super) struct Lanes<S: Simd>(pub S, pub S::Floats);
+
+macro_rules! operator {
+    ($operator:ident, $function:ident) => {
+        impl<S: Simd> $operator for Lanes<S> {
+            type Output = Self;
+
+            #[inline(always)]
+            fn $function(self, other: Self) -> Self {
+                Self(self.0, self.0.$function(self.1, other.1))
+            }
+        }
+
+        impl<S: Simd> $operator<f64> for Lanes<S> {
+            type Output = Self;
+
+            #[inline(always)]
+            fn $function(self, other: f64) -> Self {
+                Self(self.0, self.0.$function(self.1, self.0.splat(other)))
+            }
+        }
+
+        impl<S: Simd> $operator<Lanes<S>> for f64 {
+            type Output = Lanes<S>;
+
+            #[inline(always)]
+            fn $function(self, other: Lanes<S>) -> Lanes<S> {
+                Lanes(other.0, other.0.$function(other.0.splat(self), other.1))
+            }
+        }
+    };
+}
+
+operator!(Add, add);
+operator!(Sub, sub);
+operator!(Mul, mul);
+
+impl<S: Simd> Neg for Lanes<S> {
+    type Output = Self;
+
+    #[inline(always)]
+    fn neg(self) -> Self {
+        0.0 - self
+    }
+}
+
+macro_rules! assignment {
+    ($operator:ident, $function:ident, $by:ident) => {
+        impl<S: Simd> $operator for Lanes<S> {
+            #[inline(always)]
+            fn $function(&mut self, other: Self) {
+                self.1 = self.0.$by(self.1, other.1);
+            }
+        }
+    };
+}
+
+assignment!(AddAssign, add_assign, add);
+assignment!(SubAssign, sub_assign, sub);
+assignment!(MulAssign, mul_assign, mul);
+
+impl<S: Simd> Lanes<S> {
+    /// The same number in each lane.
+    #[inline(always)]
+    pub fn splat(simd: S, value: f64) -> Self {
+        Self(simd, simd.splat(value))
+    }
+
+    #[inline(always)]
+    pub fn load(simd: S, from: &S::Stored) -> Self {
+        Self(simd, simd.load(from))
+    }
+
+    #[inline(always)]
+    pub fn store(self, to: &mut S::Stored) {
+        self.0.store(self.1, to);
+    }
+
+    /// `self b + c`
+    #[inline(always)]
+    pub fn mul_add(self, b: Self, c: Self) -> Self {
+        Self(self.0, self.0.mul_add(self.1, b.1, c.1))
+    }
+
+    /// `self b + c` for numbers.
+    #[inline(always)]
+    pub fn times_plus(self, b: f64, c: f64) -> Self {
+        self.mul_add(Self::splat(self.0, b), Self::splat(self.0, c))
+    }
+
+    /// Subtracts `a b`.
+    #[inline(always)]
+    pub fn subtract_product(&mut self, a: Self, b: Self) {
+        self.1 = self.0.negate_mul_add(a.1, b.1, self.1);
+    }
+
+    #[inline(always)]
+    pub fn div(self, other: Self) -> Self {
+        Self(self.0, self.0.div(self.1, other.1))
+    }
+
+    #[inline(always)]
+    pub fn sqrt(self) -> Self {
+        Self(self.0, self.0.sqrt(self.1))
+    }
+
+    #[inline(always)]
+    pub fn abs(self) -> Self {
+        Self(self.0, self.0.abs(self.1))
+    }
+
+    #[inline(always)]
+    pub fn less(self, other: Self) -> S::Mask {
+        self.0.less(self.1, other.1)
+    }
+
+    #[inline(always)]
+    pub fn less_or_equal(self, other: Self) -> S::Mask {
+        self.0.less_or_equal(self.1, other.1)
+    }
+
+    /// `self` where the mask is true, else `other`.
+    #[inline(always)]
+    pub fn where_or(self, mask: S::Mask, other: Self) -> Self {
+        Self(self.0, self.0.select(mask, self.1, other.1))
+    }
+
+    /// The numbers of all lanes; those beyond the last lane are zero.
+    #[inline(always)]
+    pub fn numbers(self) -> [f64; MOST_LANES] {
+        let mut stored = bytemuck::Zeroable::zeroed();
+        self.store(&mut stored);
+        let mut numbers = [0.0; MOST_LANES];
+        numbers[..S::LANES].copy_from_slice(numbers_of::<S>(std::slice::from_ref(&stored)));
+        numbers
+    }
+
+    /// Lanes with these numbers; those beyond the last lane are ignored.
+    #[inline(always)]
+    pub fn of_numbers(simd: S, numbers: &[f64; MOST_LANES]) -> Self {
+        let mut stored: S::Stored = bytemuck::Zeroable::zeroed();
+        numbers_of_mut::<S>(std::slice::from_mut(&mut stored)).copy_from_slice(&numbers[..S::LANES]);
+        Self::load(simd, &stored)
+    }
+}
+
+/// The lanes in memory as numbers, entry after entry.
+#[inline(always)]
+pub(super) fn numbers_of<S: Simd>(stored: &[S::Stored]) -> &[f64] {
+    bytemuck::cast_slice(stored)
+}
+
+#[inline(always)]
+pub(super) fn numbers_of_mut<S: Simd>(stored: &mut [S::Stored]) -> &mut [f64] {
+    bytemuck::cast_slice_mut(stored)
+}
+
+/// Loads block `at` of an array of blocks of `N` entries.
+#[inline(always)]
+pub(super) fn load<S: Simd, const N: usize>(simd: S, from: &[S::Stored], at: usize) -> [Lanes<S>; N] {
+    let mut block = [Lanes::splat(simd, 0.0); N];
+    let from = &from[N * at..][..N];
+    for k in 0..N {
+        block[k] = Lanes::load(simd, &from[k]);
+    }
+    block
+}
+
+/// Stores block `at` of an array of blocks of `N` entries.
+#[inline(always)]
+pub(super) fn store<S: Simd, const N: usize>(block: &[Lanes<S>; N], to: &mut [S::Stored], at: usize) {
+    let to = &mut to[N * at..][..N];
+    for k in 0..N {
+        block[k].store(&mut to[k]);
+    }
+}
+
+/// The version for machines without known vectors: four numbers, on which compilers find the vectors.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Portable;
+
+/// `N` numbers, aligned for registers of this size.
+macro_rules! stored {
+    ($name:ident, $lanes:literal, $align:literal) => {
+        #[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
+        #[repr(C, align($align))]
+        pub(super) struct $name(pub [f64; $lanes]);
+    };
+}
+
+stored!(Stored4, 4, 32);
+#[cfg(target_arch = "x86_64")]
+stored!(Stored8, 8, 64);
+
+impl Portable {
+    #[inline(always)]
+    fn each<R: Copy + Default>(operation: impl Fn(usize) -> R) -> [R; 4] {
+        let mut result = [R::default(); 4];
+        for (lane, result) in result.iter_mut().enumerate() {
+            *result = operation(lane);
+        }
+        result
+    }
+}
+
+/// Where `f64::mul_add` is an instruction of every machine.
+const FUSED: bool = cfg!(target_arch = "aarch64");
+
+impl Simd for Portable {
+    type Floats = [f64; 4];
+    type Mask = [bool; 4];
+    type Stored = Stored4;
+
+    const LANES: usize = 4;
+    const TILE: TileShape = TileShape { columns: 1, rows: 1 };
+
+    #[inline(always)]
+    fn vectorize<K: Kernel<Self>>(self, kernel: K) -> K::Output {
+        kernel.run(self)
+    }
+
+    #[inline(always)]
+    fn splat(self, value: f64) -> [f64; 4] {
+        [value; 4]
+    }
+
+    #[inline(always)]
+    fn load(self, from: &Stored4) -> [f64; 4] {
+        from.0
+    }
+
+    #[inline(always)]
+    fn store(self, lanes: [f64; 4], to: &mut Stored4) {
+        to.0 = lanes;
+    }
+
+    #[inline(always)]
+    fn add(self, a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
+        Self::each(|k| a[k] + b[k])
+    }
+
+    #[inline(always)]
+    fn sub(self, a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
+        Self::each(|k| a[k] - b[k])
+    }
+
+    #[inline(always)]
+    fn mul(self, a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
+        Self::each(|k| a[k] * b[k])
+    }
+
+    #[inline(always)]
+    fn div(self, a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
+        Self::each(|k| a[k] / b[k])
+    }
+
+    #[inline(always)]
+    fn mul_add(self, a: [f64; 4], b: [f64; 4], c: [f64; 4]) -> [f64; 4] {
+        Self::each(|k| if FUSED { a[k].mul_add(b[k], c[k]) } else { a[k] * b[k] + c[k] })
+    }
+
+    #[inline(always)]
+    fn negate_mul_add(self, a: [f64; 4], b: [f64; 4], c: [f64; 4]) -> [f64; 4] {
+        Self::each(|k| if FUSED { (-a[k]).mul_add(b[k], c[k]) } else { c[k] - a[k] * b[k] })
+    }
+
+    #[inline(always)]
+    fn sqrt(self, a: [f64; 4]) -> [f64; 4] {
+        Self::each(|k| a[k].sqrt())
+    }
+
+    #[inline(always)]
+    fn abs(self, a: [f64; 4]) -> [f64; 4] {
+        Self::each(|k| a[k].abs())
+    }
+
+    #[inline(always)]
+    fn less(self, a: [f64; 4], b: [f64; 4]) -> [bool; 4] {
+        Self::each(|k| a[k] < b[k])
+    }
+
+    #[inline(always)]
+    fn less_or_equal(self, a: [f64; 4], b: [f64; 4]) -> [bool; 4] {
+        Self::each(|k| a[k] <= b[k])
+    }
+
+    #[inline(always)]
+    fn select(self, mask: [bool; 4], a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
+        Self::each(|k| if mask[k] { a[k] } else { b[k] })
+    }
+
+    #[inline(always)]
+    fn power_of_two(self, bits: [f64; 4], offset: u64) -> [f64; 4] {
+        Self::each(|k| f64::from_bits((bits[k].to_bits().wrapping_add(offset)) << 52))
+    }
+}

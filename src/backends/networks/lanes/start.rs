@@ -1,0 +1,91 @@
+//! The start of a solution: the state moved with the deformation gradient, plus the first-order prediction.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::network::Network;
+use super::simd::{Simd, numbers_of_mut};
+use crate::backends::networks::MODES;
+
+/// The state of a network, and the deformation gradient to reach.
+#[derive(Clone, Copy, Debug)]
+pub struct LaneStart<'a> {
+    /// The deformation gradient of the state, row by row.
+    pub gradient: [f64; 9],
+    /// The deformation gradient to reach, row by row.
+    pub target: [f64; 9],
+    /// The positions of the interior nodes.
+    pub positions: &'a [[f64; 3]],
+    /// Eighteen numbers for each interior node, if the start is to be predicted: the sensitivities of its position to the
+    /// six unit strains, minus those of the affine motion.
+    pub sensitivities: Option<&'a [[f32; 3 * MODES]]>,
+}
+
+/// How the interior moves from the state to the start.
+struct Increment {
+    gradient: Matrix3<f64>,
+    /// The rotation, and the six strains after which it comes.
+    predicted: Option<(Matrix3<f64>, [f64; MODES])>,
+}
+
+impl Increment {
+    /// Returns `None` if the interior does not move.
+    fn new(start: &LaneStart<'_>) -> Option<Self> {
+        if start.gradient == start.target {
+            return None;
+        }
+        let (from, to) = (Matrix3::from_row_slice(&start.gradient), Matrix3::from_row_slice(&start.target));
+        let not_invertible = Matrix3::from_element(f64::NAN);
+        let gradient = to * from.try_inverse().unwrap_or(not_invertible);
+        let predicted = start.sensitivities.map(|_| {
+            let rotation = rotation_of(gradient);
+            let u = rotation.transpose() * gradient;
+            (rotation, [u[(0, 0)] - 1.0, u[(1, 1)] - 1.0, u[(2, 2)] - 1.0, u[(1, 2)], u[(0, 2)], u[(0, 1)]])
+        });
+        Some(Self { gradient, predicted })
+    }
+}
+
+/// The rotation of the polar decomposition, by Newton's iteration for the matrix sign (Higham 1986).
+fn rotation_of(mut matrix: Matrix3<f64>) -> Matrix3<f64> {
+    for _ in 0..12 {
+        let Some(inverse) = matrix.try_inverse() else { break };
+        let next = 0.5 * (matrix + inverse.transpose());
+        let change = (next - matrix).amax();
+        matrix = next;
+        if !(change > 1e-15) {
+            break;
+        }
+    }
+    matrix
+}
+
+/// Writes the positions of a network at its start into a lane.
+pub(super) fn write_start<S: Simd>(network: &Network, start: &LaneStart<'_>, lane: usize, positions: &mut [S::Stored]) {
+    let target = Matrix3::from_row_slice(&start.target);
+    let increment = Increment::new(start);
+    let numbers = numbers_of_mut::<S>(positions);
+    let mut write = |node: usize, x: Vector3<f64>| {
+        for k in 0..3 {
+            numbers[(3 * node + k) * S::LANES + lane] = x[k];
+        }
+    };
+    for (place, &node) in network.order.iter().enumerate() {
+        let x = Vector3::from(start.positions[node as usize]);
+        let Some(Increment { gradient, predicted }) = &increment else {
+            write(place, x);
+            continue;
+        };
+        let mut moved = gradient * x;
+        if let (Some((rotation, strains)), Some(sensitivities)) = (predicted, start.sensitivities) {
+            let of_node = &sensitivities[node as usize];
+            let correction = Vector3::from_fn(|i, _| {
+                strains.iter().enumerate().map(|(k, strain)| strain * f64::from(of_node[3 * k + i])).sum()
+            });
+            moved += rotation * correction;
+        }
+        write(place, moved);
+    }
+    for (rest, node) in network.boundary.iter().zip(network.interior..) {
+        write(node, target * Vector3::from(*rest));
+    }
+}

@@ -1,0 +1,204 @@
+//! Stress, energy, and the sensitivities for the tangent.
+
+use super::arrays::Arrays;
+use super::blocks::{Node, Triangle, multiply_symmetric};
+use super::forces::{add_to, stretch_of, subtract_from, vector_and_length};
+use super::network::Network;
+use super::simd::{Kernel, Lanes, Simd, load, numbers_of_mut, store};
+use super::triangular::{backward, forward};
+use crate::backends::networks::MODES;
+
+/// Right-hand sides that are solved at the same time.
+const AT_ONCE: usize = 3;
+
+/// Applies the `k`-th unit strain, in the order 11, 22, 33, 23, 13, 12.
+#[inline(always)]
+pub(super) fn strain<S: Simd>(k: usize, x: &Node<S>) -> Node<S> {
+    let zero = Lanes::splat(x[0].0, 0.0);
+    match k {
+        0 => [x[0], zero, zero],
+        1 => [zero, x[1], zero],
+        2 => [zero, zero, x[2]],
+        3 => [zero, x[2], x[1]],
+        4 => [x[2], zero, x[0]],
+        _ => [x[1], x[0], zero],
+    }
+}
+
+/// Applies the `w`-th unit rotation.
+#[inline(always)]
+fn spin<S: Simd>(w: usize, x: &Node<S>) -> Node<S> {
+    let zero = Lanes::splat(x[0].0, 0.0);
+    match w {
+        0 => [zero, -x[2], x[1]],
+        1 => [x[2], zero, -x[0]],
+        _ => [-x[1], x[0], zero],
+    }
+}
+
+/// Computes the sensitivities of all nodes to the six strains into `modes`; requires the factor of the stiffness and the
+/// stiffness of the fibers.
+pub(super) struct SolveModes<'a, 'b, S: Simd, const C: usize> {
+    pub network: &'a Network,
+    pub arrays: &'a mut Arrays<'b, S>,
+}
+
+impl<S: Simd, const C: usize> Kernel<S> for SolveModes<'_, '_, S, C> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self, simd: S) {
+        let Self { network, arrays } = self;
+        let Arrays { positions, fibers, diagonal, lower, modes, .. } = arrays;
+        numbers_of_mut::<S>(modes).fill(0.0);
+        for (number, fiber) in network.fibers.iter().enumerate() {
+            let [a, b] = fiber.ends.map(|node| node as usize);
+            if a >= network.interior && b >= network.interior {
+                continue;
+            }
+            let (d, _) = vector_and_length(simd, positions, fiber);
+            let block: Triangle<S> = load(simd, fibers, number);
+            for mode in 0..MODES {
+                let load_of_end = multiply_symmetric(&block, &strain(mode, &d));
+                if a < network.interior {
+                    subtract_from(simd, modes, MODES * a + mode, &load_of_end);
+                }
+                if b < network.interior {
+                    add_to(simd, modes, MODES * b + mode, &load_of_end);
+                }
+            }
+        }
+        forward::<S, C, MODES, AT_ONCE>(simd, network, (diagonal, lower), modes);
+        backward::<S, C, MODES, AT_ONCE>(simd, network, (diagonal, lower), modes);
+        for node in 0..network.nodes {
+            let x: Node<S> = load(simd, positions, node);
+            for mode in 0..MODES {
+                let affine = strain(mode, &x);
+                let v: Node<S> = load(simd, modes, MODES * node + mode);
+                store(&[affine[0] - v[0], affine[1] - v[1], affine[2] - v[2]], modes, MODES * node + mode);
+            }
+        }
+    }
+}
+
+/// The products of sensitivities of a group of networks.
+pub(super) struct Products<S: Simd> {
+    /// Those of the positions for six strains and three rotations (rows) with those of the forces for six strains.
+    pub form: [[Lanes<S>; MODES]; MODES + 3],
+    /// Norm of the force sensitivities at interior nodes over that at all nodes.
+    pub imbalance: Lanes<S>,
+}
+
+/// Computes the products of sensitivities from `modes`.
+pub(super) struct ComputeProducts<'a, 'b, S: Simd> {
+    pub network: &'a Network,
+    pub arrays: &'a mut Arrays<'b, S>,
+}
+
+impl<S: Simd> Kernel<S> for ComputeProducts<'_, '_, S> {
+    type Output = Products<S>;
+
+    #[inline(always)]
+    fn run(self, simd: S) -> Products<S> {
+        let Self { network, arrays } = self;
+        let Arrays { positions, fibers, modes, loads, .. } = arrays;
+        numbers_of_mut::<S>(loads).fill(0.0);
+        for (number, fiber) in network.fibers.iter().enumerate() {
+            let [a, b] = fiber.ends.map(|node| node as usize);
+            let block: Triangle<S> = load(simd, fibers, number);
+            for mode in 0..MODES {
+                let of_a: Node<S> = load(simd, modes, MODES * a + mode);
+                let of_b: Node<S> = load(simd, modes, MODES * b + mode);
+                let apart = [of_a[0] - of_b[0], of_a[1] - of_b[1], of_a[2] - of_b[2]];
+                let force = multiply_symmetric(&block, &apart);
+                add_to(simd, loads, MODES * a + mode, &force);
+                subtract_from(simd, loads, MODES * b + mode, &force);
+            }
+        }
+        let zero = Lanes::splat(simd, 0.0);
+        let mut form = [[zero; MODES]; MODES + 3];
+        let (mut interior, mut all) = (zero, zero);
+        for node in 0..network.nodes {
+            let x: Node<S> = load(simd, positions, node);
+            let mut square = zero;
+            for l in 0..MODES {
+                let q: Node<S> = load(simd, loads, MODES * node + l);
+                square += dot(&q, &q);
+                for k in 0..=l {
+                    let v: Node<S> = load(simd, modes, MODES * node + k);
+                    form[k][l] += dot(&v, &q);
+                }
+                for w in 0..3 {
+                    form[MODES + w][l] += dot(&spin(w, &x), &q);
+                }
+            }
+            all += square;
+            if node < network.interior {
+                interior += square;
+            }
+        }
+        for l in 0..MODES {
+            for k in 0..l {
+                form[l][k] = form[k][l];
+            }
+        }
+        let is_zero = all.less_or_equal(zero);
+        Products { form, imbalance: zero.where_or(is_zero, interior.div(all).sqrt()) }
+    }
+}
+
+#[inline(always)]
+fn dot<S: Simd>(a: &Node<S>, b: &Node<S>) -> Lanes<S> {
+    a[0].mul_add(b[0], a[1].mul_add(b[1], a[2] * b[2]))
+}
+
+/// Computes the stress without its scale: the sum over boundary nodes of force times reference position, row by row.
+pub(super) struct Stress<'a, 'b, S: Simd> {
+    pub network: &'a Network,
+    pub arrays: &'a Arrays<'b, S>,
+}
+
+impl<S: Simd> Kernel<S> for Stress<'_, '_, S> {
+    type Output = [Lanes<S>; 9];
+
+    #[inline(always)]
+    fn run(self, simd: S) -> [Lanes<S>; 9] {
+        let Self { network, arrays } = self;
+        let mut stress = [Lanes::splat(simd, 0.0); 9];
+        for (rest, node) in network.boundary.iter().zip(network.interior..) {
+            let force: Node<S> = load(simd, arrays.forces, node);
+            for p in 0..3 {
+                for q in 0..3 {
+                    stress[3 * p + q] += force[p] * rest[q];
+                }
+            }
+        }
+        stress
+    }
+}
+
+/// Computes the energy of all fibers of the lanes in which `counts` is 1; the others have that of a network at rest.
+pub(super) struct Energy<'a, 'b, S: Simd> {
+    pub network: &'a Network,
+    pub arrays: &'a Arrays<'b, S>,
+    pub counts: Lanes<S>,
+}
+
+impl<S: Simd> Kernel<S> for Energy<'_, '_, S> {
+    type Output = Lanes<S>;
+
+    #[inline(always)]
+    fn run(self, simd: S) -> Lanes<S> {
+        let Self { network, arrays, counts } = self;
+        let one = Lanes::splat(simd, 1.0);
+        let counts = one.less_or_equal(counts);
+        let mut sum = Lanes::splat(simd, 0.0);
+        for fiber in &network.fibers {
+            let (_, length) = vector_and_length(simd, arrays.positions, fiber);
+            // The energy of a network without equilibrium could take very long to compute.
+            let stretch = stretch_of(length, fiber).where_or(counts, one);
+            sum += network.laws[fiber.law as usize].energy(stretch) * fiber.volume;
+        }
+        sum
+    }
+}

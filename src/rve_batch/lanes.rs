@@ -1,0 +1,147 @@
+//! RVEs in the lanes of the processor's vector registers.
+
+use nalgebra::Matrix3;
+use rayon::prelude::*;
+
+use super::{OfModel, network_data, rows};
+use crate::backends::networks::lanes::{LaneStart, Level, NetworkLanes};
+use crate::backends::networks::{BatchParams, Status};
+use crate::fiber::batch::{BatchEquilibrium, BatchSolver};
+use crate::fiber::equilibrium::EquilibriumParams;
+use crate::fiber::rve::{Rve, RveModel};
+use crate::las::RealBackend;
+
+/// A solver for many RVEs of one model at once, as many as a vector register has lanes; the threads of the current rayon
+/// pool solve different groups.
+///
+/// The result of an RVE does not depend on the others, on the number of threads, or on the number of lanes, as long as the
+/// machine has fused multiply-adds.
+#[derive(Debug)]
+pub struct LaneBatch {
+    lanes: NetworkLanes,
+    of_model: OfModel,
+    predicts: bool,
+}
+
+impl LaneBatch {
+    /// Makes a solver for RVEs of this model. With `predicts`, a solution keeps the sensitivities of the interior nodes, and
+    /// the next one starts from a first-order prediction.
+    ///
+    /// Returns `None` if a law of the model is a table or a custom law, or if an interior node of the network has no fiber.
+    pub fn new<B: RealBackend>(model: &RveModel<B>, predicts: bool) -> Option<Self> {
+        let lanes = NetworkLanes::new(&network_data(model)?);
+        Some(Self { lanes, of_model: OfModel::new(model), predicts })
+    }
+
+    /// Makes a solver with these instructions.
+    ///
+    /// Returns `None` as [`LaneBatch::new`] does.
+    pub fn with_level<B: RealBackend>(model: &RveModel<B>, predicts: bool, level: Level) -> Option<Self> {
+        let lanes = NetworkLanes::with_level(&network_data(model)?, level);
+        Some(Self { lanes, of_model: OfModel::new(model), predicts })
+    }
+
+    /// The lanes.
+    pub fn lanes(&self) -> &NetworkLanes {
+        &self.lanes
+    }
+
+    /// Brings RVEs to equilibrium at these deformation gradients, as [`BatchSolver::solve`].
+    ///
+    /// # Panics
+    /// Panics if there is not one target for each RVE.
+    pub fn solve(
+        &self,
+        rves: &mut [&mut Rve],
+        targets: &[Matrix3<f64>],
+        params: &EquilibriumParams,
+    ) -> Vec<Option<BatchEquilibrium>> {
+        assert_eq!(rves.len(), targets.len(), "one target for each RVE");
+        let Some(params) = self.of_model.params(params) else { return vec![None; rves.len()] };
+        let lanes = self.lanes.lanes();
+        let groups = rves.par_chunks_mut(lanes).zip(targets.par_chunks(lanes));
+        groups.flat_map_iter(|(rves, targets)| self.solve_group(rves, targets, &params)).collect()
+    }
+
+    fn solve_group(
+        &self,
+        rves: &mut [&mut Rve],
+        targets: &[Matrix3<f64>],
+        params: &BatchParams,
+    ) -> Vec<Option<BatchEquilibrium>> {
+        let mut solved = vec![None; rves.len()];
+        // What is not of this model keeps its state.
+        let is_possible = |rve: &Rve, target: &Matrix3<f64>| {
+            rve.interior().len() == self.of_model.interior && target.determinant() > 0.0
+        };
+        let possible: Vec<usize> = (0..rves.len()).filter(|&k| is_possible(rves[k], &targets[k])).collect();
+        let mut new_states = Vec::with_capacity(possible.len());
+        {
+            let starts: Vec<LaneStart<'_>> = possible.iter().map(|&k| self.start(rves[k], &targets[k])).collect();
+            self.lanes.solve(&starts, params, |lane, end| {
+                let number = possible[lane];
+                solved[number] = self.of_model.equilibrium(&end.result(), &targets[number]);
+                if solved[number].is_some() {
+                    new_states.push((number, end.positions.to_vec(), end.sensitivities.to_vec()));
+                }
+            });
+        }
+        for (number, positions, sensitivities) in new_states {
+            let sensitivities = self.predicts.then_some(&sensitivities[..]);
+            rves[number].replace(&targets[number], &positions, sensitivities);
+        }
+        solved
+    }
+
+    fn start<'a>(&self, rve: &'a Rve, target: &Matrix3<f64>) -> LaneStart<'a> {
+        let sensitivities = rve.sensitivities().filter(|known| self.predicts && known.len() == self.of_model.interior);
+        LaneStart { gradient: rows(rve.gradient()), target: rows(target), positions: rve.interior(), sensitivities }
+    }
+
+    /// Returns for each RVE whether Newton evidently leads from the state in `from` to the equilibrium in `reached`, as
+    /// [`BatchSolver::converge_to`].
+    ///
+    /// # Panics
+    /// Panics if there is not one state for each other.
+    pub fn converge_to(&self, from: &[&Rve], reached: &[&Rve], params: &EquilibriumParams) -> Vec<bool> {
+        assert_eq!(from.len(), reached.len(), "one equilibrium for each start");
+        let Some(params) = self.of_model.params(params) else { return vec![false; from.len()] };
+        let lanes = self.lanes.lanes();
+        let groups = from.par_chunks(lanes).zip(reached.par_chunks(lanes));
+        groups.flat_map_iter(|(from, reached)| self.converge_group(from, reached, &params)).collect()
+    }
+
+    fn converge_group(&self, from: &[&Rve], reached: &[&Rve], params: &BatchParams) -> Vec<bool> {
+        let mut leads = vec![false; from.len()];
+        let interior = self.of_model.interior;
+        let is_possible = |k: &usize| [from[*k], reached[*k]].iter().all(|rve| rve.interior().len() == interior);
+        let possible: Vec<usize> = (0..from.len()).filter(is_possible).collect();
+        let start = |&k: &usize| LaneStart { sensitivities: None, ..self.start(from[k], reached[k].gradient()) };
+        let starts: Vec<LaneStart<'_>> = possible.iter().map(start).collect();
+        let positions: Vec<&[[f64; 3]]> = possible.iter().map(|&k| reached[k].interior()).collect();
+        for (k, status) in possible.into_iter().zip(self.lanes.continues(&starts, &positions, params)) {
+            leads[k] = status == Status::Continues;
+        }
+        leads
+    }
+}
+
+impl BatchSolver for LaneBatch {
+    fn solve(
+        &mut self,
+        rves: &mut [&mut Rve],
+        targets: &[Matrix3<f64>],
+        params: &EquilibriumParams,
+    ) -> Result<Vec<Option<BatchEquilibrium>>, String> {
+        Ok(Self::solve(self, rves, targets, params))
+    }
+
+    fn converge_to(
+        &mut self,
+        from: &[&Rve],
+        reached: &[&Rve],
+        params: &EquilibriumParams,
+    ) -> Result<Vec<bool>, String> {
+        Ok(Self::converge_to(self, from, reached, params))
+    }
+}
