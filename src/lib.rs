@@ -110,6 +110,8 @@ pub mod input;
 pub mod las;
 pub mod output;
 mod parallel;
+#[cfg(any(feature = "sparse", feature = "app"))]
+mod processor_time;
 #[cfg(feature = "sparse")]
 pub mod rve_batch;
 #[cfg(feature = "app")]

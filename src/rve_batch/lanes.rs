@@ -10,6 +10,7 @@ use crate::fiber::batch::{BatchEquilibrium, BatchSolver};
 use crate::fiber::equilibrium::EquilibriumParams;
 use crate::fiber::rve::{Rve, RveModel};
 use crate::las::RealBackend;
+use crate::processor_time::ProcessorTime;
 
 /// A solver for many RVEs of one model at once, as many as a vector register has lanes; the threads of the current rayon
 /// pool solve different groups.
@@ -41,6 +42,16 @@ impl LaneBatch {
         Some(Self { lanes, of_model: OfModel::new(model), predicts })
     }
 
+    /// The RVEs of a body from which it pays to solve them in lanes, even if they are divided among a few ranks.
+    pub const LEAST_RVES: usize = 16;
+
+    /// Returns true if lanes are faster than one RVE after the other, if there are enough RVEs: the machine has fast vectors,
+    /// and the factors of all lanes fit into the caches of a core. `docs/kernel.md` has the measurements.
+    pub fn is_faster(&self) -> bool {
+        const MOST_OPERATIONS: f64 = 1.0e7;
+        self.lanes.has_vectors() && self.lanes.operations() <= MOST_OPERATIONS
+    }
+
     /// The lanes.
     pub fn lanes(&self) -> &NetworkLanes {
         &self.lanes
@@ -69,7 +80,8 @@ impl LaneBatch {
         targets: &[Matrix3<f64>],
         params: &BatchParams,
     ) -> Vec<Option<BatchEquilibrium>> {
-        let mut solved = vec![None; rves.len()];
+        let start = ProcessorTime::now();
+        let mut solved: Vec<Option<BatchEquilibrium>> = vec![None; rves.len()];
         // What is not of this model keeps its state.
         let is_possible = |rve: &Rve, target: &Matrix3<f64>| {
             rve.interior().len() == self.of_model.interior && target.determinant() > 0.0
@@ -90,6 +102,10 @@ impl LaneBatch {
             let sensitivities = self.predicts.then_some(&sensitivities[..]);
             rves[number].replace(&targets[number], &positions, sensitivities);
         }
+        // Each evaluates its forces once more than it has iterations.
+        let work = |solved: &BatchEquilibrium| (1 + solved.iterations) as f64;
+        let (seconds, sum) = (start.seconds(), solved.iter().flatten().map(work).sum::<f64>());
+        solved.iter_mut().flatten().for_each(|solved| solved.seconds = Some(seconds * work(solved) / sum));
         solved
     }
 

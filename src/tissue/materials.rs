@@ -122,7 +122,7 @@ pub enum BeforeCreation {
 }
 
 /// How RVEs are solved; by default with tolerance 1e-10, at most 50 iterations, at most 6 cuts, all stages, from a
-/// prediction, with a direct solver, and on the processor.
+/// prediction, with a direct solver, and on the processor, in lanes where that is faster.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RveParams {
     /// Tolerance of the relative residual.
@@ -139,6 +139,9 @@ pub struct RveParams {
     pub solver: Method,
     /// The device that solves most RVEs, many at once; `None`: the processor solves all.
     pub device: Option<RveDevice>,
+    /// Whether the processor solves RVEs of one network side by side in the lanes of its vector registers where that is
+    /// faster.
+    pub lanes: bool,
 }
 
 /// A device that solves RVEs.
@@ -184,6 +187,7 @@ impl Default for RveParams {
             predictor: true,
             solver: Method::Direct,
             device: None,
+            lanes: true,
         }
     }
 }

@@ -88,6 +88,7 @@
 //! solver = { method = "direct" }           # or an iterative one (below)
 //! predictor = true                         # start from the prediction of the last tangent; 72 bytes per interior node
 //! device = "none"                         # or "cuda": a graphics processor solves most RVEs, many at once
+//! lanes = "auto"                          # RVEs of one network side by side in vector registers; or "off": one by one
 //!
 //! [scales]                                 # ranks of each scale; default: one process does both
 //! macro = 1

@@ -230,8 +230,12 @@ pub(super) fn micro(root: &mut Table<'_>) -> RveParams {
         predictor: table.boolean("predictor").unwrap_or(default.predictor),
         solver: solver::of_micro(table),
         device: table.get("device").and_then(|value| device(&value)).unwrap_or(default.device),
+        lanes: table.get("lanes").and_then(|value| value.choice(&LANES)).unwrap_or(default.lanes),
     })
 }
+
+/// Whether the processor solves RVEs in lanes.
+pub(super) const LANES: [(&str, bool); 2] = [("auto", true), ("off", false)];
 
 /// Reads the device of the RVEs, which this build must be able to use.
 fn device(value: &Value<'_>) -> Option<Option<RveDevice>> {

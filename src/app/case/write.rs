@@ -25,6 +25,7 @@ use super::field_names::FieldSelection;
 use super::formula::FormulaCase;
 use super::load::AXES;
 use super::load_value::LoadValue;
+use super::section::LANES;
 use super::solver;
 
 /// A key and its value as TOML.
@@ -123,9 +124,11 @@ impl Case {
             entry("predictor", micro.predictor),
             solver::micro_entry(&micro.solver),
         ];
-        // Earlier versions do not know this key.
+        // Earlier versions do not know these keys.
         let device = micro.device.map(|device| entry("device", device.name()));
-        section(&mut out, "[micro]", entries.into_iter().chain(device));
+        let lanes = LANES.iter().find(|(_, lanes)| *lanes == micro.lanes && !micro.lanes);
+        let lanes = lanes.map(|(name, _)| entry("lanes", *name));
+        section(&mut out, "[micro]", entries.into_iter().chain(device).chain(lanes));
         let entries =
             [entry("macro", scales.macro_ranks), entry("micro", scales.micro_ranks), entry("near", scales.near)];
         // Earlier versions do not know this key.

@@ -238,7 +238,7 @@ pub struct NewtonSeconds {
 pub struct RveLog {
     /// Number of RVE solves, one per RVE and Newton iteration of the macro scale.
     pub solves: u64,
-    /// Number of those that a device solved, many at once; absent in logs of earlier versions.
+    /// Number of those that were solved many at once, in lanes or on a device; absent in logs of earlier versions.
     #[serde(default)]
     pub in_batches: u64,
     /// Total number of Newton iterations.

@@ -50,6 +50,7 @@ impl LawData {
     }
 
     /// Returns the kind of all laws, if it is the same and none of them buckles.
+    #[cfg(feature = "cuda")]
     pub(in crate::backends) fn only(laws: &[Self]) -> Option<u32> {
         let kind = laws.first()?.kind();
         laws.iter().all(|law| law.kind() == kind && law.buckling.is_none()).then_some(kind)

@@ -53,6 +53,7 @@ impl Plan {
     }
 
     /// Returns the bytes that a factorization reads and writes.
+    #[cfg(feature = "cuda")]
     pub fn bytes_of_factorization(&self) -> f64 {
         let (block, diagonal, vector) = (9, 6, 3);
         let (nodes, blocks) = (self.order.len(), self.schedule.blocks());

@@ -61,6 +61,7 @@ pub struct NetworkResults<'a> {
 }
 
 impl<'a> NetworkResults<'a> {
+    #[cfg(feature = "cuda")]
     pub(in crate::backends) fn new(values: &'a [f64]) -> Self {
         Self { values }
     }

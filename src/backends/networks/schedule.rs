@@ -188,6 +188,7 @@ impl Schedule {
     }
 
     /// The number of blocks that the updates of a factorization read.
+    #[cfg(any(feature = "cuda", test))]
     pub fn reads(&self) -> usize {
         self.reads
     }

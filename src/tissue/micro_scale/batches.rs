@@ -125,12 +125,13 @@ fn for_each_model<B: RealBackend>(
     Ok(done)
 }
 
-/// Divides the time of all batches, which ran side by side, among their RVEs: each evaluates its forces once more than it
-/// has iterations.
+/// Divides the time of all batches, which ran side by side, among the RVEs whose own time is not known: each evaluates its
+/// forces once more than it has iterations.
 fn share_seconds(seconds: f64, done: &mut Done) {
     let work = |stats: &RveStats| (1 + stats.iterations) as f64;
+    let is_unknown = |stats: &RveStats| stats.seconds == 0.0;
     let sum: f64 = done.iter().flatten().map(|(stats, _)| work(stats)).sum();
-    for (stats, _) in done.iter_mut().flatten() {
+    for (stats, _) in done.iter_mut().flatten().filter(|(stats, _)| is_unknown(stats)) {
         stats.seconds = seconds * work(stats) / sum;
     }
 }
@@ -170,6 +171,7 @@ fn accept(
         most_iterations: found.iterations,
         line_search_cuts: found.backtracks,
         predicted: usize::from(predicted),
+        seconds: found.seconds.unwrap_or(0.0),
         ..RveStats::default()
     };
     Some((stats, increment))

@@ -7,6 +7,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use nalgebra::Matrix3;
 use thiserror::Error;
 
+#[cfg(feature = "sparse")]
+use crate::backends::BackendName;
 use crate::fem::material::SaintVenantKirchhoff;
 use crate::fem::mesh::{IntegrationPoint, Mesh};
 use crate::fiber::batch::BatchSolver;
@@ -16,7 +18,9 @@ use crate::fiber::network::{Network, file};
 use crate::fiber::rve::{Rve, RveModel, StressScale};
 use crate::fiber::workspace::Workspace;
 use crate::input::InputErrors;
-use crate::las::{Backend, RealBackend, SolverParams};
+use crate::las::{Backend, Method, RealBackend, SolverParams};
+#[cfg(feature = "sparse")]
+use crate::rve_batch::LaneBatch;
 use crate::tissue::materials::{
     FiberRve, Formula, Formulas, Materials, NetworkAssignment, Region, RegionMaterial, RveLifecycle, find_region,
 };
@@ -50,6 +54,8 @@ pub struct Library<B: Backend> {
     pub(super) params: EquilibriumParams,
     /// Whether RVEs keep the sensitivities that predict the start of the next solve.
     pub(super) predict: bool,
+    /// Whether the processor may solve RVEs in lanes.
+    lanes: bool,
     /// The solvers of whole batches of RVEs, for models that have one.
     batch_solvers: Vec<Option<Mutex<Box<dyn BatchSolver>>>>,
 }
@@ -96,7 +102,25 @@ impl<B: RealBackend> Library<B> {
         params.max_cuts = rve.max_cuts;
         let params = params.with_stages(rve.stages);
         let batch_solvers = models.iter().map(|_| None).collect();
-        Ok((Self { context, models, regions, params, predict: rve.predictor, batch_solvers }, warnings))
+        // The factorization in lanes is a direct one.
+        let lanes = rve.lanes && rve.solver == Method::Direct;
+        Ok((Self { context, models, regions, params, predict: rve.predictor, lanes, batch_solvers }, warnings))
+    }
+
+    /// Solves the RVEs of models of which the whole body has this many in lanes of the processor, where that is faster. It
+    /// depends on nothing else, so that results do not depend on ranks.
+    pub fn use_lanes(&mut self, counts: &[usize]) {
+        #[cfg(feature = "sparse")]
+        for ((model, solver), &count) in self.models.iter().zip(&mut self.batch_solvers).zip(counts) {
+            // The elimination order of lanes is that of the backend `sparse`.
+            let may_use = self.lanes && B::NAME == BackendName::Sparse.as_str();
+            if may_use && solver.is_none() && count >= LaneBatch::LEAST_RVES {
+                let batch = LaneBatch::new(model, self.predict).filter(LaneBatch::is_faster);
+                *solver = batch.map(|batch| Mutex::new(Box::new(batch) as Box<dyn BatchSolver>));
+            }
+        }
+        #[cfg(not(feature = "sparse"))]
+        let (_, _) = (counts, self.lanes);
     }
 
     /// Solves the RVEs of models for which `make` returns a solver in batches, many at once; what the solver leaves is
@@ -109,7 +133,9 @@ impl<B: RealBackend> Library<B> {
         mut make: impl FnMut(&RveModel<B>) -> Result<Option<Box<dyn BatchSolver>>, E>,
     ) -> Result<(), E> {
         for (model, solver) in self.models.iter().zip(&mut self.batch_solvers) {
-            *solver = make(model)?.map(Mutex::new);
+            if let Some(made) = make(model)? {
+                *solver = Some(Mutex::new(made));
+            }
         }
         Ok(())
     }

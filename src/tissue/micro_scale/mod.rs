@@ -9,7 +9,6 @@
 //! | `batches` | the RVEs that another processor solves, all of one model at once |
 //! | `sites` | the material of each point: a formula, an RVE, or the substitute of an RVE that is not awake |
 //! | `activity` | what the threads are doing, for a report of progress |
-//! | `processor_time` | the time that a thread computes |
 //! | `costs` | what each RVE cost in each sweep |
 //! | `lifecycle` | when an RVE is created, sleeps, wakes and is deleted |
 //! | `moving` | an RVE on the way to another rank |
@@ -26,7 +25,6 @@ mod library;
 mod lifecycle;
 mod moving;
 pub(super) mod pieces;
-mod processor_time;
 mod raw;
 mod sampled;
 mod saved;
@@ -174,8 +172,9 @@ impl<B: RealBackend> TissueField<B> {
     /// # Errors
     /// Returns [`LibraryError`] if a network cannot be read or used, or a region of the mesh has no material.
     pub fn new(context: B::Context, materials: Materials, mesh: &Mesh) -> Result<(Self, Vec<String>), LibraryError> {
-        let (library, warnings) = Library::read(context, materials)?;
+        let (mut library, warnings) = Library::read(context, materials)?;
         let sites = Sites::new(&library, mesh)?;
+        library.use_lanes(&sites.counts(library.models().len(), |_| true).per_model);
         let mut field = Self { sites, units: Units::new(library), unit_of: HashMap::new() };
         field.create_existing();
         Ok((field, warnings))

@@ -5,7 +5,6 @@ use std::sync::Arc;
 use nalgebra::Matrix3;
 
 use super::library::Library;
-use super::processor_time::ProcessorTime;
 use super::worker::Worker;
 use crate::coupling::balance::Cost;
 use crate::fem::material::{MaterialError, Response};
@@ -15,6 +14,7 @@ use crate::fiber::homogenize::Tangent;
 use crate::fiber::rve::{Rve, RveModel, Sensitivities};
 use crate::fiber::workspace::Workspace;
 use crate::las::RealBackend;
+use crate::processor_time::ProcessorTime;
 use crate::tissue::materials::Formula;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -86,7 +86,7 @@ pub enum UnitError<F: std::error::Error + 'static> {
 pub struct RveStats {
     /// Equilibrium solves, including those that failed.
     pub solves: usize,
-    /// Those of them that another processor solved, many at once.
+    /// Those of them that were solved many at once, in lanes or on a device.
     #[serde(default)]
     pub in_batches: usize,
     /// Responses reused because the gradient had not changed.

@@ -88,6 +88,11 @@ impl<B: RealBackend> Units<B> {
         &self.activity
     }
 
+    /// Solves RVEs in lanes where that is faster; see [`Library::use_lanes`].
+    pub fn use_lanes(&mut self, counts: &[usize]) {
+        self.library.use_lanes(counts);
+    }
+
     /// Returns the data that all RVEs share.
     pub fn library(&self) -> &Library<B> {
         &self.library

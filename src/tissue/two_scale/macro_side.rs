@@ -106,6 +106,7 @@ impl<'a, C: Comm, B: RealBackend> ScaleField<'a, C, B> {
             divided.couple(&self.sites)?;
         }
         self.count_rves()?;
+        self.micro.send_counts(&self.rve_counts().per_model)?;
         let created: Vec<usize> = self.sites.existing().map(|(point, _)| point).collect();
         self.exchange_update(&[], &created)
     }

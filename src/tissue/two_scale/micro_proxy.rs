@@ -170,6 +170,11 @@ impl<'a, C: Comm> MicroProxy<'a, C> {
         all
     }
 
+    /// Tells the micro scale how many points of the body use each model.
+    pub fn send_counts(&mut self, per_model: &[usize]) -> Result<(), TwoScaleError> {
+        self.broadcast(&Command::Count(per_model.iter().map(|&count| count as u64).collect()))
+    }
+
     /// Deletes and creates RVEs on both scales.
     pub fn update_rves(&mut self, update: &RveUpdate) -> Result<(), TwoScaleError> {
         let mut between = self.between.take();

@@ -77,6 +77,10 @@ impl<C: Comm, B: RealBackend> MicroSide<'_, C, B> {
         let mut complete = false;
         while !complete {
             match self.command()? {
+                Command::Count(counts) => {
+                    let counts: Vec<usize> = counts.into_iter().map(|count| count as usize).collect();
+                    self.units.use_lanes(&counts);
+                }
                 Command::Units => self.update_units()?,
                 Command::Balance => self.balance()?,
                 Command::Step => {

@@ -132,6 +132,8 @@ impl RveResponse {
 /// A command that the macro scale broadcasts to the micro scale.
 #[derive(Serialize, Deserialize)]
 pub enum Command {
+    /// This many points of the body use each model, which decides what is solved in lanes.
+    Count(Vec<u64>),
     /// Create and delete RVEs.
     Units,
     /// Migrate RVEs between the ranks if that is due and pays; the micro scale answers with a [`MigrationReport`] or

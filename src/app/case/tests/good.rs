@@ -91,6 +91,7 @@ fn every_entry_is_read() {
             predictor: false,
             solver: Method::Iterative(gmres),
             device: None,
+            lanes: true,
         }
     );
     assert_eq!(case.scales, ScalesCase { micro_ranks: 3, near: true, ..ScalesCase::default() });
@@ -130,6 +131,7 @@ fn defaults_fill_in() {
             predictor: true,
             solver: Method::Direct,
             device: None,
+            lanes: true,
         }
     );
     assert_eq!(case.scales, ScalesCase::default());

@@ -164,7 +164,7 @@ fn integral_of_growth<S: Simd>(b: f64, strain: Lanes<S>) -> Lanes<S> {
     // The number of the panels of a lane does not depend on the other lanes.
     panels.iter_mut().for_each(|bound| *bound = if *bound >= 1.0 { 1.0 + bound.min(4000.0).floor() } else { 1.0 });
     let most = panels[..S::LANES].iter().fold(1.0, |most: f64, &panels| most.max(panels));
-    if !(most > 1.0) {
+    if most <= 1.0 {
         return integral_on_panel(b, Lanes::splat(simd, 0.0), strain);
     }
     let count = Lanes::of_numbers(simd, &panels);

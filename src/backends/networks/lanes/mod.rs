@@ -8,6 +8,8 @@
 //!
 //! The memory of a group belongs to the thread that solves it, and serves all networks that this thread solves.
 
+#![allow(clippy::needless_range_loop, reason = "short loops over the numbers of blocks, which the compiler unrolls")]
+
 mod arrays;
 mod blocks;
 mod factor;
@@ -126,6 +128,11 @@ impl NetworkLanes {
     /// The number of networks that are solved at once.
     pub fn lanes(&self) -> usize {
         self.level.lanes()
+    }
+
+    /// Returns true if the lanes are in registers of vectors, not in what a compiler makes of arrays.
+    pub fn has_vectors(&self) -> bool {
+        !matches!(self.level, Level::Portable)
     }
 
     /// Floating-point operations of one factorization.
@@ -276,7 +283,8 @@ fn condense<S: Simd, const C: usize>(
     let energy = simd.vectorize(Energy { network, arrays, counts });
     results.iter_mut().zip(energy.numbers()).for_each(|(numbers, energy)| numbers[ENERGY] = energy);
     for numbers in results.iter_mut().filter(|numbers| numbers[STATUS] == Status::Converged as usize as f64) {
-        if !(numbers[IMBALANCE] <= ACCURATE) {
+        let is_accurate = numbers[IMBALANCE] <= ACCURATE;
+        if !is_accurate {
             numbers[STATUS] = Status::InaccurateTangent as usize as f64;
         }
     }

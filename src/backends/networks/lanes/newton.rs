@@ -111,8 +111,9 @@ impl Course {
         let converged = self.has_converged(params, continues);
         if !converged && self.iterations == params.max_iterations {
             self.status = Some(if continues { Status::Inconclusive } else { Status::TooManyIterations });
-        } else if converged && !(self.largest < params.excessive_force) {
-            self.status = Some(Status::ExcessiveForce);
+        } else if converged {
+            let is_bearable = self.largest < params.excessive_force;
+            self.status = (!is_bearable).then_some(Status::ExcessiveForce);
         }
     }
 
@@ -170,7 +171,7 @@ impl Course {
         } else {
             let (before, after) = (residual * residual, found.residual * found.residual);
             let best = before * step / (after - before + 2.0 * before * step);
-            self.search.step *= if found.is_finite() { best.max(0.1).min(0.5) } else { 0.5 };
+            self.search.step *= if found.is_finite() { best.clamp(0.1, 0.5) } else { 0.5 };
             self.search.rejected = Some(rejected + 1);
             self.backtracks += 1;
         }

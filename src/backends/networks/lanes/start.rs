@@ -52,7 +52,8 @@ fn rotation_of(mut matrix: Matrix3<f64>) -> Matrix3<f64> {
         let next = 0.5 * (matrix + inverse.transpose());
         let change = (next - matrix).amax();
         matrix = next;
-        if !(change > 1e-15) {
+        let goes_on = change > 1e-15;
+        if !goes_on {
             break;
         }
     }

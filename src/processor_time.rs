@@ -3,7 +3,7 @@
 /// A time from which the calling thread has computed. Time in which the system runs other threads does not count, so that
 /// the cost of an RVE does not depend on what else the cores do.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct ProcessorTime(Clock);
+pub(crate) struct ProcessorTime(Clock);
 
 /// The processor time of the calling thread, s.
 #[cfg(unix)]

@@ -1,0 +1,169 @@
+//! RVEs a second of processor time on one core: one by one, and in the lanes of vector registers.
+//!
+//! Run by `cargo bench --package benches --bench lanes`, with `BIOTISSUE_NETWORKS` set to the folder of the published
+//! networks; without it only generated networks are timed. Each network is pulled from rest to about 10 % ("cold"), then
+//! by 1 % more ("warm"), each time with stress and tangent. `docs/kernel.md` lists the table.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use biotissue::backends::networks::lanes::Level;
+use biotissue::backends::sparse::Sparse;
+use biotissue::fiber::equilibrium::{EquilibriumParams, equilibrate};
+use biotissue::fiber::homogenize::Tangent;
+use biotissue::fiber::law::{FiberMaterial, Law};
+use biotissue::fiber::network::{Network, file, generate};
+use biotissue::fiber::rve::{Rve, RveModel, StressScale};
+use biotissue::fiber::workspace::Workspace;
+use biotissue::rve_batch::LaneBatch;
+use nalgebra::Matrix3;
+use rustix::time::{ClockId, clock_gettime};
+
+type Model = RveModel<Sparse>;
+
+/// Processor time of this thread, on which other programs have little influence.
+fn processor_seconds() -> f64 {
+    let now = clock_gettime(ClockId::ThreadCPUTime);
+    now.tv_sec as f64 + 1e-9 * now.tv_nsec as f64
+}
+
+/// Repetitions, of which the median counts.
+const REPETITIONS: usize = 5;
+
+/// The deformation gradients of an RVE: about 10 % in a direction of its own, and 1 % more.
+fn targets(number: usize) -> [Matrix3<f64>; 2] {
+    let mut state = number as u64 + 1;
+    let mut random = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
+    };
+    let mut gradient = |size: f64| Matrix3::from_fn(|_, _| size * random());
+    let cold = Matrix3::from_diagonal(&[1.1, 0.97, 0.97].into()) + gradient(0.02);
+    [cold, cold + gradient(0.02)]
+}
+
+/// What the increments of all RVEs took.
+#[derive(Clone, Default)]
+struct Outcome {
+    /// Seconds, cold and warm.
+    seconds: [f64; 2],
+    iterations: [usize; 2],
+    /// RVEs that the batch left.
+    left: usize,
+    tangents: Vec<Tangent>,
+}
+
+fn one_by_one(model: &Model, goals: &[[Matrix3<f64>; 2]]) -> Outcome {
+    let params = EquilibriumParams::default();
+    let mut workspace = Workspace::new(&(), model).expect("a workspace");
+    let mut rves = vec![Rve::at_rest(model.network()); goals.len()];
+    let mut outcome = Outcome::default();
+    for increment in 0..2 {
+        outcome.tangents.clear();
+        let start = processor_seconds();
+        for (rve, goals) in rves.iter_mut().zip(goals) {
+            let solved = equilibrate(model, rve, &goals[increment], &params, &mut workspace);
+            let mut solved = solved.expect("the networks of the bench converge");
+            outcome.iterations[increment] += solved.report().iterations;
+            outcome.tangents.push(solved.tangent().expect("its stiffness is regular"));
+            solved.keep_sensitivities().expect("its stiffness is regular");
+        }
+        outcome.seconds[increment] = processor_seconds() - start;
+    }
+    outcome
+}
+
+fn in_lanes(batch: &LaneBatch, model: &Model, goals: &[[Matrix3<f64>; 2]]) -> Outcome {
+    let params = EquilibriumParams::default();
+    let mut rves = vec![Rve::at_rest(model.network()); goals.len()];
+    let mut outcome = Outcome::default();
+    for increment in 0..2 {
+        let targets: Vec<Matrix3<f64>> = goals.iter().map(|goals| goals[increment]).collect();
+        let mut all: Vec<&mut Rve> = rves.iter_mut().collect();
+        let start = processor_seconds();
+        let solved = batch.solve(&mut all, &targets, &params);
+        outcome.seconds[increment] = processor_seconds() - start;
+        outcome.left += solved.iter().filter(|solved| solved.is_none()).count();
+        outcome.iterations[increment] = solved.iter().flatten().map(|solved| solved.iterations).sum();
+        outcome.tangents = solved.iter().flatten().map(|solved| solved.tangent).collect();
+    }
+    outcome
+}
+
+/// Returns the outcome with the medians of the seconds of several repetitions.
+fn median(run: impl Fn() -> Outcome) -> Outcome {
+    let runs: Vec<Outcome> = (0..REPETITIONS).map(|_| run()).collect();
+    let median = |increment: usize| {
+        let mut seconds: Vec<f64> = runs.iter().map(|run| run.seconds[increment]).collect();
+        seconds.sort_by(f64::total_cmp);
+        seconds[REPETITIONS / 2]
+    };
+    Outcome { seconds: [median(0), median(1)], ..runs[0].clone() }
+}
+
+fn print(name: &str, count: usize, operations: f64, outcome: &Outcome, expected: &Outcome) {
+    let [cold, warm] = outcome.seconds.map(|seconds| count as f64 / seconds);
+    // Each equilibrium is factored once more, for its stability and tangent.
+    let [first, second] = outcome.iterations.map(|iterations| iterations as f64 / count as f64 + 1.0);
+    let worst = outcome.tangents.iter().zip(&expected.tangents);
+    let worst = worst.map(|(found, expected)| (found - expected).amax() / expected.amax()).fold(0.0, f64::max);
+    println!(
+        "| {name} | {cold:.0} | {warm:.0} | {first:.2}, {second:.2} | {:.1} | {worst:.0e} | {} |",
+        1e-9 * second * warm * operations,
+        outcome.left
+    );
+}
+
+fn measure(name: &str, network: Network, count: usize) {
+    let law = Law::Exponential { youngs_modulus: 1.0e7, nonlinearity: 1.2 };
+    let material = FiberMaterial { law, radius: 3.5e-8, density: None };
+    let scale = StressScale::FiberVolumeFraction(0.01);
+    let model = Model::new(&(), Arc::new(network), Some(material), scale).expect("a model");
+    let fibers = model.truss().ends().len();
+    let goals: Vec<[Matrix3<f64>; 2]> = (0..count).map(targets).collect();
+    let batches =
+        Level::all().into_iter().filter_map(|level| Some((level, LaneBatch::with_level(&model, true, level)?)));
+    let batches: Vec<(Level, LaneBatch)> = batches.collect();
+    let Some((_, any)) = batches.last() else { return };
+    let operations = any.lanes().operations();
+    println!(
+        "\n{name}: {} unknowns, {fibers} fibers, {:.2} MFLOP a factorization, {count} RVEs; {:.0} kB a lane",
+        model.unknowns(),
+        1e-6 * operations,
+        1e-3 * any.lanes().bytes_per_lane() as f64
+    );
+    println!(
+        "\n| one core | cold /s | warm /s | factorizations | GFLOP/s of them, warm | deviation | left |\n|---|---:|---:|---|---:|---|---:|"
+    );
+    let expected = median(|| one_by_one(&model, &goals));
+    print("one by one", count, operations, &expected, &expected);
+    // An argument selects lanes, for example `-- AVX2`.
+    let selected = std::env::args().nth(1).filter(|argument| argument != "--bench");
+    for (level, batch) in &batches {
+        let name = match level {
+            Level::Portable => "4 lanes, any machine",
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx2(_) => "4 lanes, AVX2",
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx512(_) => "8 lanes, AVX-512",
+        };
+        if selected.as_ref().is_none_or(|selected| name.contains(selected.as_str())) {
+            print(name, count, operations, &median(|| in_lanes(batch, &model, &goals)), &expected);
+        }
+    }
+}
+
+fn main() {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
+    pool.install(|| {
+        if let Some(folder) = std::env::var_os("BIOTISSUE_NETWORKS") {
+            match file::read(&Path::new(&folder).join("Network_2_7.txt")) {
+                Ok(read) => measure("`Network_2_7`", read.network, 1024),
+                Err(error) => eprintln!("{error}"),
+            }
+        }
+        measure("Delaunay 300", generate::delaunay(300, 1).expect("a network"), 128);
+        measure("Voronoi 100", generate::voronoi(100, 1).expect("a network"), 128);
+        measure("Delaunay 1000", generate::delaunay(1000, 1).expect("a network"), 16);
+    });
+}
