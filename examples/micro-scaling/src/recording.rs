@@ -51,6 +51,12 @@ pub enum RecordingError {
         /// The iteration of the step.
         iteration: usize,
     },
+    /// The costs are those of another run.
+    #[error("{}: another run than that of the first file; give recordings of the same case, or leave `--least` out", .file.display())]
+    OtherRun {
+        /// The file.
+        file: PathBuf,
+    },
     /// No RVE has any cost.
     #[error("{}: there are no costs; record a run whose body has RVEs", .file.display())]
     Empty {
@@ -104,27 +110,22 @@ impl Recording {
         Ok(Self { classes, networks: networks.len(), sweeps, samples })
     }
 
-    /// Replaces the seconds of every RVE by the median of those with the same network and number of iterations. This
-    /// removes what other programs on the same cores took, and also all differences between such RVEs.
-    pub fn take_medians(&mut self) {
-        let (rves, classes) = (self.rves(), &self.classes);
-        let mut groups: HashMap<(u32, u32), Vec<f64>> = HashMap::new();
-        let class = |at: usize| classes[at % rves];
-        for (at, sample) in self.samples.iter().enumerate() {
-            if let Some(Sample { iterations, seconds }) = *sample {
-                groups.entry((class(at), iterations)).or_default().push(seconds);
-            }
+    /// Replaces the seconds of every RVE by those in another recording of the same run, where these are less. What other
+    /// programs on the same machine add to the seconds thus disappears, and differences between RVEs remain.
+    ///
+    /// # Errors
+    /// Returns [`RecordingError::OtherRun`] if the recordings differ in more than the seconds.
+    pub fn take_least(&mut self, file: &Path, other: &Self) -> Result<(), RecordingError> {
+        let work = |recording: &Self| -> Vec<Option<u32>> {
+            recording.samples.iter().map(|sample| sample.map(|sample| sample.iterations)).collect()
+        };
+        if (&self.classes, &self.sweeps, work(self)) != (&other.classes, &other.sweeps, work(other)) {
+            return Err(RecordingError::OtherRun { file: file.into() });
         }
-        for seconds in groups.values_mut() {
-            seconds.sort_unstable_by(f64::total_cmp);
+        for (own, other) in self.samples.iter_mut().flatten().zip(other.samples.iter().flatten()) {
+            own.seconds = own.seconds.min(other.seconds);
         }
-        for (at, sample) in self.samples.iter_mut().enumerate() {
-            if let Some(sample) = sample
-                && let Some(group) = groups.get(&(class(at), sample.iterations))
-            {
-                sample.seconds = group[group.len() / 2];
-            }
-        }
+        Ok(())
     }
 
     /// Creates a recording of one network from the seconds of each RVE, by sweep; each step has `sweeps_of_step` sweeps,
@@ -231,17 +232,20 @@ mod tests {
     }
 
     #[test]
-    fn medians_are_those_of_a_network_and_a_number_of_iterations() {
-        let rows =
-            "1,1,0,a,1,1\n1,1,1,a,1,9\n1,1,2,b,1,5\n1,2,0,a,1,2\n1,2,1,a,2,8\n2,1,2,b,1,4\n2,1,1,a,2,3\n2,1,0,a,2,6\n";
-        let mut recording = read(&format!("{HEADER}{rows}")).unwrap();
-        recording.take_medians();
-        let seconds = |sweep: usize| -> Vec<Option<f64>> {
-            (0..3).map(|rve| recording.sample(rve, sweep).map(|sample| sample.seconds)).collect()
+    fn the_least_of_several_recordings_of_a_run_remains() {
+        let recording = |seconds: [f64; 3]| {
+            let [a, b, c] = seconds;
+            read(&format!("{HEADER}1,1,0,a,1,{a}\n1,1,1,b,2,{b}\n2,1,1,b,1,{c}\n")).unwrap()
         };
-        assert_eq!(seconds(0), [Some(2.0), Some(2.0), Some(5.0)]);
-        assert_eq!(seconds(1), [Some(2.0), Some(6.0), None]);
-        assert_eq!(seconds(2), [Some(6.0), Some(6.0), Some(5.0)]);
+        let mut least = recording([1.0, 9.0, 3.0]);
+        least.take_least(Path::new("2.csv"), &recording([2.0, 5.0, 3.0])).unwrap();
+        assert_eq!(least.seconds().collect::<Vec<_>>(), [1.0, 5.0, 3.0]);
+        for rows in ["1,1,0,a,1,1\n1,1,1,b,2,1\n2,1,0,b,1,1\n", "1,1,0,a,1,1\n1,1,1,b,3,1\n2,1,1,b,1,1\n"] {
+            let other = read(&format!("{HEADER}{rows}")).unwrap();
+            let error = least.take_least(Path::new("3.csv"), &other).unwrap_err().to_string();
+            assert!(error.starts_with("3.csv: another run"), "{error}");
+        }
+        assert_eq!(least.seconds().collect::<Vec<_>>(), [1.0, 5.0, 3.0]);
     }
 
     #[test]
