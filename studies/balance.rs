@@ -25,7 +25,7 @@ use std::f64::consts::TAU;
 use std::time::{Duration, Instant};
 
 use biotissue::coupling::balance::{
-    self, Cost, CostHistory, Diffusive, Greedy, Iterations, Planner, Predictor, Quantity, Trigger, TriggerParams,
+    self, Balancer, Cost, CostHistory, Diffusive, Greedy, Iterations, Moves, Predictor, Quantity, TriggerParams,
     Weights, max_over_mean, migrate,
 };
 use biotissue::coupling::{Channel, Comm, Coupling, EvenPartition, Message, Plan, Role, Scales, Share};
@@ -140,43 +140,57 @@ impl<C: Comm> Cells<C> {
         Ok(costs)
     }
 
-    /// Records costs; returns the seconds of the slowest rank and max/mean.
-    fn record(&mut self, weights: &mut impl Weights, costs: &[Cost]) -> Outcome<[f64; 2]> {
-        let own: f64 = costs.iter().map(|cost| cost.seconds).sum();
+    /// Appends costs to the histories; returns the seconds of this rank.
+    fn record(&mut self, weights: &mut impl Weights, costs: &[Cost]) -> Outcome<f64> {
         balance::record(&self.scale, weights, &mut self.histories, costs)?;
-        let all = self.scale.gather_all(Message::of(&[own]))?;
-        let all: Vec<f64> = all.iter().filter_map(|message| message.values::<f64>()).flatten().copied().collect();
-        Ok([all.iter().copied().fold(0.0, f64::max), max_over_mean(&all)])
+        Ok(costs.iter().map(|cost| cost.seconds).sum())
     }
 
-    /// Migrates units if that pays; their states have a kilobyte each. Returns whether it did.
-    fn balance(
-        &mut self,
-        planner: &impl Planner,
-        weights: &impl Weights,
-        trigger: &mut Trigger,
-        sweep_seconds: Option<f64>,
-    ) -> Outcome<bool> {
+    /// The measured max/mean of a sweep.
+    fn imbalance(&self, seconds: f64) -> Outcome<f64> {
+        let all = self.scale.gather_all(Message::of(&[seconds]))?;
+        Ok(max_over_mean(&all.iter().filter_map(|all| all.values::<f64>()?.first().copied()).collect::<Vec<f64>>()))
+    }
+
+    /// The weights of the units; their states have a kilobyte each.
+    fn weights(&self, weights: &impl Weights) -> (Vec<f64>, Vec<u64>) {
+        (self.histories.iter().map(|history| weights.weight(history)).collect(), vec![1000; self.histories.len()])
+    }
+
+    /// Balances as the reference text does, whatever it costs.
+    fn balance_by_the_text(&mut self) -> Outcome<()> {
+        let (weights, bytes) = self.weights(&Iterations);
+        let (_, plan) = balance::plan(&self.scale, &Greedy, &weights, &bytes)?;
+        self.migrate(plan.of(self.scale.rank()), plan.len())
+    }
+
+    /// Balances if that pays.
+    fn balance(&mut self, weights: &impl Weights, balancer: &mut Balancer) -> Outcome<()> {
+        let (weights, bytes) = self.weights(weights);
+        let Some(due) = balancer.plan(&self.scale, &Diffusive::default(), &weights, &bytes)? else {
+            // The body waits for an update: one that moves nothing.
+            return self.migrate(&Moves::default(), 0);
+        };
         let start = Instant::now();
-        let own: Vec<f64> = self.histories.iter().map(|history| weights.weight(history)).collect();
-        let (loads, plan) = balance::plan(&self.scale, planner, &own, &vec![1000; own.len()])?;
-        // Without the duration of a sweep, every plan pays.
-        let accepted = trigger.accept(&loads, &plan, sweep_seconds.unwrap_or(f64::INFINITY))?;
-        let Some(estimate) = accepted else { return Ok(false) };
+        self.migrate(due.moves(self.scale.rank()), due.units())?;
+        Ok(balancer.migrated(&self.scale, &due, start.elapsed().as_secs_f64())?)
+    }
+
+    /// Moves units with their histories, `moved` of them on all ranks, and updates the coupling.
+    fn migrate(&mut self, moves: &Moves, moved: usize) -> Outcome<()> {
         let units = self.coupling.units().to_vec();
-        let moves = plan.of(self.scale.rank());
         let histories = &self.histories;
         let (migration, arrived) = migrate(&self.scale, moves, &units, |unit| Message::of(&[histories[unit]]))?;
         let arrived = arrived.iter().map(|message| message.values().and_then(|values| values.first().copied()));
         let arrived = arrived.collect::<Option<Vec<CostHistory>>>().ok_or("a history is missing")?;
         self.histories = migration.apply(std::mem::take(&mut self.histories), arrived)?;
-        self.histories.iter_mut().for_each(CostHistory::restart);
+        if moved > 0 {
+            self.histories.iter_mut().for_each(CostHistory::restart);
+            self.shares.migrations += 1;
+        }
+        self.shares.moved += moved;
         self.coupling.migrate(&migration)?;
-        let mut slowest = [start.elapsed().as_secs_f64()];
-        self.scale.max(&mut slowest)?;
-        trigger.migrated(&loads, &plan, &estimate, slowest[0]);
-        (self.shares.moved, self.shares.migrations) = (self.shares.moved + plan.len(), self.shares.migrations + 1);
-        Ok(true)
+        Ok(())
     }
 }
 
@@ -203,35 +217,31 @@ fn run<C: Comm>(world: &C, load: Load, scheme: &Scheme) -> Outcome<Option<Shares
     let mut cells = Cells { scale: scales.comm().clone(), histories: Vec::new(), coupling, shares: Shares::default() };
     cells.histories = vec![CostHistory::default(); cells.coupling.units().len()];
     let params = if let Kind::Ours(params) = scheme.kind { params } else { TriggerParams::default() };
-    let (mut trigger, mut predictor) = (Trigger::new(params), Predictor::new(Quantity::Seconds, 1));
+    let (mut balancer, mut predictor) = (Balancer::new(params), Predictor::new(Quantity::Seconds, 1));
     for sweep in 0..SWEEPS {
         let mut strains = vec![0.0; cells.coupling.units().len()];
         tasks.receive(&cells.coupling, &mut strains)?;
         let costs = cells.sweep(load, sweep)?;
         answers.send(&cells.coupling.inverse(), cells.coupling.units())?;
         let ends_step = (sweep + 1) % SWEEPS_OF_STEP == 0;
-        let [slowest, imbalance] = match scheme.kind {
+        let seconds = match scheme.kind {
             Kind::Ours(_) => cells.record(&mut predictor, &costs)?,
             _ => cells.record(&mut Iterations, &costs)?,
         };
         // The body must know whether its coupling changes before it can.
         let due = match scheme.kind {
             Kind::Nothing => false,
-            Kind::Text => ends_step && imbalance >= 1.05,
-            Kind::Ours(_) => trigger.observe(imbalance),
+            Kind::Text => ends_step && cells.imbalance(seconds)? >= 1.05,
+            Kind::Ours(_) => {
+                balancer.observe(&cells.scale, seconds)?;
+                balancer.is_due()
+            }
         };
         scales.broadcast(0, Message::of(&[u64::from(due)]))?;
-        if due {
-            let moved = match scheme.kind {
-                Kind::Ours(_) => cells.balance(&Diffusive::default(), &predictor, &mut trigger, Some(slowest))?,
-                _ => cells.balance(&Greedy, &Iterations, &mut trigger, None)?,
-            };
-            if !moved {
-                // The body waits for an update: one that moves nothing.
-                let units = cells.coupling.units().to_vec();
-                let (migration, _) = migrate(&cells.scale, &Default::default(), &units, |_| Message::new())?;
-                cells.coupling.migrate(&migration)?;
-            }
+        match scheme.kind {
+            Kind::Ours(_) if due => cells.balance(&predictor, &mut balancer)?,
+            _ if due => cells.balance_by_the_text()?,
+            _ => {}
         }
     }
     cells.shares.wall = start.elapsed().as_secs_f64();

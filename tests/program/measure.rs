@@ -56,3 +56,19 @@ fn all_cases_are_measured() {
     assert!(!waiting["networks"].as_array().unwrap().is_empty(), "{waiting}");
     assert_eq!(waiting["failures"], 0);
 }
+
+/// `--ranks` plans a run on so many ranks, and starts none.
+#[test]
+fn a_check_is_for_the_requested_ranks() {
+    let folder = tempfile::tempdir().unwrap();
+    write_case(folder.path(), "case.toml", &fibers(&frozen()));
+    let plan = line(folder.path(), "check case.toml --ranks 8 --measure --json").object();
+    let of_case = &plan["measured"]["forecast"]["of_case"];
+    assert_eq!((&plan["ranks"], &of_case["macro"], &of_case["micro"]), (&8.into(), &1.into(), &7.into()), "{plan}");
+    assert!(line(folder.path(), "check case.toml --ranks 3").done().contains("ranks      3, with"));
+    assert!(line(folder.path(), "check case.toml --ranks 1").done().contains("ranks      1, with"));
+    assert!(line(folder.path(), "check case.toml --ranks 0").failed(2).contains("error: invalid --ranks 0\n"));
+    write_case(folder.path(), "scales.toml", &with_scales(&fibers(&frozen()), (1, 3)));
+    let failed = line(folder.path(), "check scales.toml --ranks 5");
+    assert!(failed.failed(2).contains("start 4 ranks, or change [scales] in scales.toml"), "{}", failed.block());
+}

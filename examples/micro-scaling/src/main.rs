@@ -90,10 +90,10 @@ struct Args {
     /// Seed of `--window`, `--spread` and `--noise`.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Replaces all seconds by the median of those with the same network and number of iterations: for costs that were
-    /// recorded while other programs ran.
+    /// The files are recordings of the same run, of which each RVE takes its least seconds: for costs that were recorded
+    /// while other programs ran.
     #[arg(long)]
-    median: bool,
+    least: bool,
     /// A factor of all recorded seconds, for larger networks or slower cores.
     #[arg(long, default_value_t = 1.0, value_parser = not_negative)]
     factor: f64,
@@ -168,10 +168,12 @@ fn run(args: &Args) -> Result<(), Box<dyn Error>> {
         Some(path) => Some(create(path)?),
         None => None,
     };
-    for file in &args.files {
+    let of_study = if args.least { args.files.len() } else { 1 };
+    for files in args.files.chunks(of_study) {
+        let [file, others @ ..] = files else { continue };
         let mut recording = Recording::read(file)?;
-        if args.median {
-            recording.take_medians();
+        for other in others {
+            recording.take_least(other, &Recording::read(other)?)?;
         }
         let study = study(args, &recording);
         line!("# {}\n", file.display());

@@ -2,8 +2,8 @@
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
 
+use biotissue::app::results::{CostRow, ResultsError, read_costs};
 use biotissue::coupling::balance::rank_correlation;
 use thiserror::Error;
 
@@ -23,7 +23,7 @@ pub struct Recording {
     classes: Vec<u32>,
     networks: usize,
     /// The step and the iteration of each sweep.
-    sweeps: Vec<[u32; 2]>,
+    sweeps: Vec<[usize; 2]>,
     /// One entry per RVE, one sweep after the other; `None` where the RVE does not exist.
     samples: Vec<Option<Sample>>,
 }
@@ -32,38 +32,8 @@ pub struct Recording {
 #[derive(Debug, Error)]
 pub enum RecordingError {
     /// The file cannot be read.
-    #[error("{}: {reason}; a run whose case has `costs = true` in `[output]` writes this file", .file.display())]
-    Read {
-        /// The file.
-        file: PathBuf,
-        /// The error of the reader.
-        reason: csv::Error,
-    },
-    /// A column is missing.
-    #[error("{}, line 1: there is no column `{column}`; the first line must be `{}`", .file.display(), COLUMNS.join(","))]
-    Column {
-        /// The file.
-        file: PathBuf,
-        /// The name of the column.
-        column: &'static str,
-    },
-    /// A value is invalid.
-    #[error(
-        "{}, line {line}: `{column}` is `{found}`, expected {expected}; correct the line, or record the run again",
-        .file.display()
-    )]
-    Value {
-        /// The file.
-        file: PathBuf,
-        /// The line, from 1.
-        line: u64,
-        /// The name of the column.
-        column: &'static str,
-        /// The value.
-        found: String,
-        /// What the column contains.
-        expected: &'static str,
-    },
+    #[error("{0}; a run whose case has `costs = true` in `[output]` writes this file")]
+    Read(#[from] ResultsError),
     /// Two rows are about the same RVE and sweep.
     #[error(
         "{}, line {line}: RVE {rve} has a second cost in iteration {iteration} of step {step}; delete one of the two rows",
@@ -73,13 +43,19 @@ pub enum RecordingError {
         /// The file.
         file: PathBuf,
         /// The line of the second row, from 1.
-        line: u64,
+        line: usize,
         /// The number of the RVE.
         rve: u64,
         /// The step.
-        step: u32,
+        step: usize,
         /// The iteration of the step.
-        iteration: u32,
+        iteration: usize,
+    },
+    /// The costs are those of another run.
+    #[error("{}: another run than that of the first file; give recordings of the same case, or leave `--least` out", .file.display())]
+    OtherRun {
+        /// The file.
+        file: PathBuf,
     },
     /// No RVE has any cost.
     #[error("{}: there are no costs; record a run whose body has RVEs", .file.display())]
@@ -87,17 +63,6 @@ pub enum RecordingError {
         /// The file.
         file: PathBuf,
     },
-}
-
-const COLUMNS: [&str; 6] = ["step", "iteration", "rve", "network", "iterations", "seconds"];
-
-/// A row of the file.
-struct Row {
-    sweep: [u32; 2],
-    rve: u64,
-    class: u32,
-    sample: Sample,
-    line: u64,
 }
 
 impl Recording {
@@ -109,78 +74,58 @@ impl Recording {
     pub fn read(file: &Path) -> Result<Self, RecordingError> {
         let in_folder = file.join("costs.csv");
         let file = if file.is_dir() { &in_folder } else { file };
-        let read = |reason| RecordingError::Read { file: file.into(), reason };
-        let text = std::fs::read(file).map_err(|error| read(error.into()))?;
-        let end = text.iter().rposition(|&byte| byte == b'\n').map_or(0, |last| last + 1);
-        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(&text[..end]);
-        let header = reader.headers().map_err(read)?.clone();
-        let mut positions = [0; COLUMNS.len()];
-        for (position, column) in positions.iter_mut().zip(COLUMNS) {
-            let found = header.iter().position(|name| name.trim_start_matches('\u{feff}') == column);
-            *position = found.ok_or_else(|| RecordingError::Column { file: file.into(), column })?;
-        }
-        let (mut rows, mut classes) = (Vec::new(), HashMap::new());
-        let mut record = csv::StringRecord::new();
-        while reader.read_record(&mut record).map_err(read)? {
-            rows.push(row(file, &record, positions, &mut classes)?);
-        }
-        Self::of_rows(file, rows, classes.len())
+        Self::of_rows(file, &read_costs(file)?)
     }
 
-    fn of_rows(file: &Path, mut rows: Vec<Row>, networks: usize) -> Result<Self, RecordingError> {
-        rows.sort_by_key(|row| (row.sweep, row.rve));
-        let twice = rows.windows(2).find(|pair| (pair[0].sweep, pair[0].rve) == (pair[1].sweep, pair[1].rve));
-        if let Some([_, Row { sweep: [step, iteration], rve, line, .. }]) = twice {
-            let (line, rve, step, iteration) = (*line, *rve, *step, *iteration);
-            return Err(RecordingError::Twice { file: file.into(), line, rve, step, iteration });
+    fn of_rows(file: &Path, rows: &[CostRow]) -> Result<Self, RecordingError> {
+        let sweep_of = |row: &CostRow| [row.step, row.iteration];
+        let mut order: Vec<usize> = (0..rows.len()).collect();
+        // Stable, so that of two rows about the same RVE the second one is reported.
+        order.sort_by_key(|&at| (sweep_of(&rows[at]), rows[at].rve));
+        let place = |at: usize| (sweep_of(&rows[at]), rows[at].rve);
+        if let Some(pair) = order.windows(2).find(|pair| place(pair[0]) == place(pair[1])) {
+            let CostRow { step, iteration, rve, .. } = rows[pair[1]];
+            // The first line has the names of the columns.
+            return Err(RecordingError::Twice { file: file.into(), line: pair[1] + 2, rve, step, iteration });
         }
         let mut numbers: Vec<u64> = rows.iter().map(|row| row.rve).collect();
         numbers.sort_unstable();
         numbers.dedup();
-        let mut sweeps: Vec<[u32; 2]> = rows.iter().map(|row| row.sweep).collect();
+        let mut sweeps: Vec<[usize; 2]> = order.iter().map(|&at| sweep_of(&rows[at])).collect();
         sweeps.dedup();
         if rows.is_empty() {
             return Err(RecordingError::Empty { file: file.into() });
         }
-        let mut recording = Self {
-            classes: vec![0; numbers.len()],
-            networks,
-            samples: vec![None; numbers.len() * sweeps.len()],
-            sweeps,
-        };
+        let mut networks: HashMap<&str, u32> = HashMap::new();
+        let (mut classes, mut samples) = (vec![0; numbers.len()], vec![None; numbers.len() * sweeps.len()]);
         let mut sweep = 0;
-        for row in rows {
-            while recording.sweeps[sweep] != row.sweep {
+        for row in order.into_iter().map(|at| &rows[at]) {
+            while sweeps[sweep] != sweep_of(row) {
                 sweep += 1;
             }
-            let rve = numbers.partition_point(|&number| number < row.rve);
-            recording.classes[rve] = row.class;
-            recording.samples[sweep * numbers.len() + rve] = Some(row.sample);
+            let (next, rve) = (networks.len() as u32, numbers.partition_point(|&number| number < row.rve));
+            classes[rve] = *networks.entry(&row.network).or_insert(next);
+            samples[sweep * numbers.len() + rve] = Some(Sample { iterations: row.iterations, seconds: row.seconds });
         }
-        Ok(recording)
+        Ok(Self { classes, networks: networks.len(), sweeps, samples })
     }
 
-    /// Replaces the seconds of every RVE by the median of those with the same network and number of iterations. This
-    /// removes what other programs on the same cores took, and also all differences between such RVEs.
-    pub fn take_medians(&mut self) {
-        let (rves, classes) = (self.rves(), &self.classes);
-        let mut groups: HashMap<(u32, u32), Vec<f64>> = HashMap::new();
-        let class = |at: usize| classes[at % rves];
-        for (at, sample) in self.samples.iter().enumerate() {
-            if let Some(Sample { iterations, seconds }) = *sample {
-                groups.entry((class(at), iterations)).or_default().push(seconds);
-            }
+    /// Replaces the seconds of every RVE by those in another recording of the same run, where these are less. What other
+    /// programs on the same machine add to the seconds thus disappears, and differences between RVEs remain.
+    ///
+    /// # Errors
+    /// Returns [`RecordingError::OtherRun`] if the recordings differ in more than the seconds.
+    pub fn take_least(&mut self, file: &Path, other: &Self) -> Result<(), RecordingError> {
+        let work = |recording: &Self| -> Vec<Option<u32>> {
+            recording.samples.iter().map(|sample| sample.map(|sample| sample.iterations)).collect()
+        };
+        if (&self.classes, &self.sweeps, work(self)) != (&other.classes, &other.sweeps, work(other)) {
+            return Err(RecordingError::OtherRun { file: file.into() });
         }
-        for seconds in groups.values_mut() {
-            seconds.sort_unstable_by(f64::total_cmp);
+        for (own, other) in self.samples.iter_mut().flatten().zip(other.samples.iter().flatten()) {
+            own.seconds = own.seconds.min(other.seconds);
         }
-        for (at, sample) in self.samples.iter_mut().enumerate() {
-            if let Some(sample) = sample
-                && let Some(group) = groups.get(&(class(at), sample.iterations))
-            {
-                sample.seconds = group[group.len() / 2];
-            }
-        }
+        Ok(())
     }
 
     /// Creates a recording of one network from the seconds of each RVE, by sweep; each step has `sweeps_of_step` sweeps,
@@ -188,7 +133,7 @@ impl Recording {
     #[cfg(test)]
     pub fn of_seconds(seconds: &[Vec<f64>], sweeps_of_step: usize) -> Self {
         let sample = |&seconds: &f64| Some(Sample { iterations: (1e3 * seconds).round() as u32, seconds });
-        let sweep = |sweep: usize| [(sweep / sweeps_of_step) as u32 + 1, (sweep % sweeps_of_step) as u32 + 1];
+        let sweep = |sweep: usize| [sweep / sweeps_of_step + 1, sweep % sweeps_of_step + 1];
         Self {
             classes: vec![0; seconds[0].len()],
             networks: 1,
@@ -248,35 +193,6 @@ impl Recording {
     }
 }
 
-/// Reads a row; a network that is not among `classes` is added to them.
-fn row(
-    file: &Path,
-    record: &csv::StringRecord,
-    positions: [usize; COLUMNS.len()],
-    classes: &mut HashMap<String, u32>,
-) -> Result<Row, RecordingError> {
-    let line = record.position().map_or(0, csv::Position::line);
-    let cell = |column: usize| record.get(positions[column]).unwrap_or_default();
-    let invalid = |column: usize, expected| {
-        let (column, found) = (COLUMNS[column], cell(column).to_owned());
-        RecordingError::Value { file: file.into(), line, column, found, expected }
-    };
-    fn parse<T: FromStr>(cell: &str, error: impl FnOnce() -> RecordingError) -> Result<T, RecordingError> {
-        cell.parse().map_err(|_| error())
-    }
-    let step = parse(cell(0), || invalid(0, "the number of a step, from 1"))?;
-    let iteration = parse(cell(1), || invalid(1, "the number of an evaluation in the step, from 1"))?;
-    let rve = parse(cell(2), || invalid(2, "the number of an integration point, from 0"))?;
-    let iterations = parse(cell(4), || invalid(4, "a number of Newton iterations"))?;
-    let seconds: f64 = parse(cell(5), || invalid(5, "a number of seconds"))?;
-    if !(seconds >= 0.0 && seconds.is_finite()) {
-        return Err(invalid(5, "a finite number of seconds, not below 0"));
-    }
-    let next = classes.len() as u32;
-    let class = *classes.entry(cell(3).to_owned()).or_insert(next);
-    Ok(Row { sweep: [step, iteration], rve, class, sample: Sample { iterations, seconds }, line })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -316,41 +232,38 @@ mod tests {
     }
 
     #[test]
-    fn medians_are_those_of_a_network_and_a_number_of_iterations() {
-        let rows =
-            "1,1,0,a,1,1\n1,1,1,a,1,9\n1,1,2,b,1,5\n1,2,0,a,1,2\n1,2,1,a,2,8\n2,1,2,b,1,4\n2,1,1,a,2,3\n2,1,0,a,2,6\n";
-        let mut recording = read(&format!("{HEADER}{rows}")).unwrap();
-        recording.take_medians();
-        let seconds = |sweep: usize| -> Vec<Option<f64>> {
-            (0..3).map(|rve| recording.sample(rve, sweep).map(|sample| sample.seconds)).collect()
+    fn the_least_of_several_recordings_of_a_run_remains() {
+        let recording = |seconds: [f64; 3]| {
+            let [a, b, c] = seconds;
+            read(&format!("{HEADER}1,1,0,a,1,{a}\n1,1,1,b,2,{b}\n2,1,1,b,1,{c}\n")).unwrap()
         };
-        assert_eq!(seconds(0), [Some(2.0), Some(2.0), Some(5.0)]);
-        assert_eq!(seconds(1), [Some(2.0), Some(6.0), None]);
-        assert_eq!(seconds(2), [Some(6.0), Some(6.0), Some(5.0)]);
+        let mut least = recording([1.0, 9.0, 3.0]);
+        least.take_least(Path::new("2.csv"), &recording([2.0, 5.0, 3.0])).unwrap();
+        assert_eq!(least.seconds().collect::<Vec<_>>(), [1.0, 5.0, 3.0]);
+        for rows in ["1,1,0,a,1,1\n1,1,1,b,2,1\n2,1,0,b,1,1\n", "1,1,0,a,1,1\n1,1,1,b,3,1\n2,1,1,b,1,1\n"] {
+            let other = read(&format!("{HEADER}{rows}")).unwrap();
+            let error = least.take_least(Path::new("3.csv"), &other).unwrap_err().to_string();
+            assert!(error.starts_with("3.csv: another run"), "{error}");
+        }
+        assert_eq!(least.seconds().collect::<Vec<_>>(), [1.0, 5.0, 3.0]);
     }
 
     #[test]
     fn errors_name_file_line_and_cure() {
         let error = |text: &str| read(text).map(|_| ()).unwrap_err();
-        assert_eq!(
-            error("step,iteration,rve,iterations,seconds\n"),
-            "/costs.csv, line 1: there is no column `network`; the first line must be \
-             `step,iteration,rve,network,iterations,seconds`"
-        );
-        assert_eq!(
-            error(&format!("{HEADER}1,1,0,a,1,0.1\n1,1,1,a,1,-2\n")),
-            "/costs.csv, line 3: `seconds` is `-2`, expected a finite number of seconds, not below 0; correct the line, or \
-             record the run again"
-        );
-        assert!(error(&format!("{HEADER}1,x,0,a,1,0.1\n")).contains("line 2: `iteration` is `x`"));
-        assert!(error(&format!("{HEADER}1,1,0,a,1,NaN\n")).contains("line 2: `seconds` is `NaN`"));
+        let cure = "a run whose case has `costs = true` in `[output]` writes this file";
+        let columns = error("step,iteration,rve,iterations,seconds\n");
+        assert!(columns.contains("/costs.csv:1: ") && columns.ends_with(cure), "{columns}");
+        for cells in ["1,1,1,a,1,-2", "1,x,0,a,1,0.1", "1,1,0,a,1,NaN", "1,1,0"] {
+            let invalid = error(&format!("{HEADER}1,1,0,a,1,0.1\n{cells}\n"));
+            assert!(invalid.contains("/costs.csv:3: ") && invalid.ends_with(cure), "{invalid}");
+        }
         assert_eq!(
             error(&format!("{HEADER}3,2,5,a,1,0.1\n1,1,5,a,1,0.1\n3,2,5,b,1,0.2\n")),
             "/costs.csv, line 4: RVE 5 has a second cost in iteration 2 of step 3; delete one of the two rows"
         );
         assert!(error(HEADER).contains("there are no costs"));
-        assert!(error(&format!("{HEADER}1,1,0\n")).contains("/costs.csv: CSV error"));
         let missing = Recording::read(Path::new("/nowhere/costs.csv")).unwrap_err().to_string();
-        assert!(missing.contains("/nowhere/costs.csv") && missing.contains("`costs = true`"), "{missing}");
+        assert!(missing.contains("/nowhere/costs.csv") && missing.ends_with(cure), "{missing}");
     }
 }

@@ -96,18 +96,27 @@ impl CostsWriter {
 ///
 /// # Errors
 /// Returns [`ResultsError::Read`] if the file cannot be read, or [`ResultsError::Damaged`] with the line if the text is
-/// not such a table.
+/// not such a table, or if seconds are negative or not finite.
 pub fn read_costs(path: &Path) -> Result<Vec<CostRow>, ResultsError> {
     let text = whole_lines(path)?;
     if !text.starts_with(HEADER) {
         let what = "does not begin with the columns of such a table";
         return Err(ResultsError::damaged(path, Some(1), what, HEADER.trim_end()));
     }
-    let rows = csv::Reader::from_reader(text.as_bytes()).into_deserialize().map(|row| {
-        row.map_err(|error: csv::Error| {
-            let line = error.position().map(|position| position.line() as usize);
-            ResultsError::damaged(path, line, error.to_string(), HEADER.trim_end())
-        })
+    let mut reader = csv::Reader::from_reader(text.as_bytes());
+    let damaged = |line: Option<u64>, what: String| {
+        ResultsError::damaged(path, line.map(|line| line as usize), what, HEADER.trim_end())
+    };
+    let of_csv = |error: csv::Error| damaged(error.position().map(csv::Position::line), error.to_string());
+    let columns = reader.headers().map_err(of_csv)?.clone();
+    let rows = reader.records().map(|record| {
+        let record = record.map_err(of_csv)?;
+        let row: CostRow = record.deserialize(Some(&columns)).map_err(of_csv)?;
+        if row.seconds >= 0.0 && row.seconds.is_finite() {
+            return Ok(row);
+        }
+        let line = record.position().map(csv::Position::line);
+        Err(damaged(line, format!("{} seconds are not a cost", row.seconds)))
     });
     rows.collect()
 }
@@ -143,8 +152,9 @@ mod tests {
     fn other_tables_are_rejected_with_the_line() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("costs.csv");
-        for (text, line) in [("step,t\n1,2\n", 1), ("step,iteration,rve,network,iterations,seconds\n1,1,x,n,1,1\n", 2)]
-        {
+        let rows = ["1,1,x,n,1,1", "1,1,0,n,1,-1", "1,1,0,n,1,NaN", "1,1,0,n,1,inf", "1,1,0"];
+        let rows = rows.map(|row| (format!("{HEADER}1,1,1,n,1,1\n{row}\n"), 3));
+        for (text, line) in [("step,t\n1,2\n".to_owned(), 1)].into_iter().chain(rows) {
             std::fs::write(&path, text).unwrap();
             let error = read_costs(&path).unwrap_err().to_string();
             assert!(error.contains(&format!("costs.csv:{line}")), "{error}");

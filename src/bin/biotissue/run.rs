@@ -76,13 +76,7 @@ pub fn run(command: RunCommand) -> Result<(), Failure> {
     if let Some(processes) = ranks::started_by_mpirun().filter(|&processes| processes > 1) {
         return run_on_processes(processes, command);
     }
-    if command.ranks == Some(0) {
-        return Err(Failure::arguments(
-            "invalid --ranks 0",
-            "at least one rank",
-            "leave --ranks out, or give a number above 0",
-        ));
-    }
+    ranks::check_requested(command.ranks)?;
     let config = command.config()?;
     let time_out = command.time_out()?;
     let report_every = command.report_every()?;

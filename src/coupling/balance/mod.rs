@@ -5,7 +5,7 @@
 //! a [`Planner`]; [`migrate`] sends serialized units point to point; [`Coupling::migrate`](super::Coupling::migrate)
 //! and [`Coupling::reconcile_migrated`](super::Coupling::reconcile_migrated) update a coupling on its two sides.
 //! Callers that move the data on their own pass the moves to [`Migration::announce`] instead of the second phase. A
-//! [`Trigger`] decides when to balance; [`Weights`] are what units are expected to cost.
+//! [`Balancer`] decides during a run when to balance, by a [`Trigger`]; [`Weights`] are what units are expected to cost.
 //!
 //! # Example: three cells, one of which costs four times as much as the others
 //!
@@ -50,6 +50,7 @@
 //!
 //! After chapter 4 of W. R. Tobin, *The Adaptive Multiscale Simulation Infrastructure* (RPI 2018).
 
+mod balancer;
 mod error;
 mod loads;
 mod migrate;
@@ -60,6 +61,7 @@ mod synchronize;
 mod trigger;
 mod weights;
 
+pub use balancer::{Balancer, DueMigration};
 pub use error::{BalanceError, MoveError};
 pub use loads::{Loads, max_over_mean};
 pub use migrate::{Migration, Origin, migrate};

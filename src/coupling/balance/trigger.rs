@@ -1,7 +1,7 @@
 //! When to balance.
 
 use super::error::BalanceError;
-use super::loads::Loads;
+use super::loads::{Loads, max_over_mean};
 use super::plan::MigrationPlan;
 
 /// Parameters of a [`Trigger`].
@@ -54,8 +54,11 @@ impl Estimate {
     }
 }
 
-/// Decides when a migration is due, and whether a plan pays. All ranks of a scale call it with the same numbers (for
-/// times, the maximum of all ranks, [`Comm::max`](crate::las::Comm::max)), and decide equally.
+/// Decides when a migration is due, and whether a plan pays. All ranks of a scale call it with the same numbers, and
+/// decide equally; [`Balancer`](super::Balancer) sees to that.
+///
+/// Planning has its price even if the plan is declined. No migration is due while the largest possible saving, reduced by
+/// the fraction of it that former plans were worth, is less than the measured time of planning.
 #[derive(Clone, Debug)]
 pub struct Trigger {
     params: TriggerParams,
@@ -63,6 +66,9 @@ pub struct Trigger {
     unbalanced: usize,
     /// Number of further sweeps that do not count.
     cool_down: usize,
+    /// Seconds of the last sweep on the slowest rank.
+    sweep_seconds: f64,
+    planning: Planning,
     cost: MigrationCost,
     /// The fraction of the expected gains that former migrations achieved.
     achieved: f64,
@@ -77,12 +83,23 @@ impl Trigger {
     /// Creates a trigger.
     pub fn new(params: TriggerParams) -> Self {
         let cost = MigrationCost::new(params.seconds_per_migration, params.seconds_per_byte);
-        Self { params, unbalanced: 0, cool_down: 0, cost, achieved: 1.0, expected: None }
+        Self {
+            params,
+            unbalanced: 0,
+            cool_down: 0,
+            sweep_seconds: 0.0,
+            planning: Planning::default(),
+            cost,
+            achieved: 1.0,
+            expected: None,
+        }
     }
 
-    /// Records the measured max/mean of a sweep; returns true if a migration is due. If its plan is not carried out,
-    /// the next one is due after as many unbalanced sweeps.
-    pub fn observe(&mut self, max_over_mean: f64) -> bool {
+    /// Records the seconds that a sweep took on each rank; returns true if a migration is due. If its plan is not carried
+    /// out, the next one is due after as many unbalanced sweeps.
+    pub fn observe(&mut self, seconds: &[f64]) -> bool {
+        let max_over_mean = max_over_mean(seconds);
+        self.sweep_seconds = seconds.iter().copied().fold(0.0, f64::max);
         if let Some([before, after]) = self.expected.take()
             && before > after
         {
@@ -95,26 +112,41 @@ impl Trigger {
         }
         self.unbalanced = if max_over_mean >= self.params.threshold { self.unbalanced + 1 } else { 0 };
         let is_due = self.unbalanced >= self.params.sweeps.max(1);
-        if is_due {
-            self.unbalanced = 0;
+        if !is_due {
+            return false;
         }
-        is_due
+        self.unbalanced = 0;
+        let pays = self.planning.pays(self.saving(max_over_mean, 1.0));
+        if !pays {
+            self.forgive();
+        }
+        pays
+    }
+
+    /// Seconds that the sweeps of the horizon save if max/mean falls, less the part that former migrations missed.
+    fn saving(&self, before: f64, after: f64) -> f64 {
+        self.achieved * self.params.horizon * self.sweep_seconds * (1.0 - after / before)
+    }
+
+    /// Lets old disappointments fade, so that balancing is tried again when the costs have become regular.
+    fn forgive(&mut self) {
+        self.achieved += 0.1 * (1.0 - self.achieved);
     }
 
     /// Estimates what a plan gains and costs, from the duration of the last sweep on the slowest rank. The gain is
-    /// reduced by the fraction of the expected gains that former migrations missed.
+    /// reduced by the fraction of the expected gains that former migrations missed. The cost is that of the migration:
+    /// the time of planning is spent already.
     ///
     /// # Errors
     /// Returns [`BalanceError`] if the plan does not fit the loads.
-    pub fn estimate(&self, loads: &Loads, plan: &MigrationPlan, sweep_seconds: f64) -> Result<Estimate, BalanceError> {
-        let (before, after) = (loads.max_over_mean(), loads.after(plan)?.max_over_mean());
-        let gain = self.achieved * self.params.horizon * sweep_seconds * (1.0 - after / before);
+    pub fn estimate(&self, loads: &Loads, plan: &MigrationPlan) -> Result<Estimate, BalanceError> {
+        let after = loads.after(plan)?.max_over_mean();
+        let gain = self.saving(loads.max_over_mean(), after);
         Ok(Estimate { gain, cost: self.cost.seconds(plan.bytes(loads)), max_over_mean: after })
     }
 
     /// Returns the [estimate](Self::estimate) of a plan that moves units and [pays](Estimate::pays), which is then to be
-    /// carried out. `None` declines the plan and lets old disappointments fade, so that balancing is tried again when the
-    /// costs have become regular.
+    /// carried out. `None` declines the plan. `seconds` is the time that planning took.
     ///
     /// # Errors
     /// Returns [`BalanceError`] if the plan does not fit the loads.
@@ -122,22 +154,62 @@ impl Trigger {
         &mut self,
         loads: &Loads,
         plan: &MigrationPlan,
-        sweep_seconds: f64,
+        seconds: f64,
     ) -> Result<Option<Estimate>, BalanceError> {
-        let estimate = self.estimate(loads, plan, sweep_seconds)?;
+        let estimate = self.estimate(loads, plan)?;
         let accepted = (!plan.is_empty() && estimate.pays()).then_some(estimate);
+        self.planning.measure(seconds, accepted.map_or(0.0, |estimate| estimate.gain - estimate.cost));
         if accepted.is_none() {
-            self.achieved += 0.1 * (1.0 - self.achieved);
+            self.forgive();
         }
         Ok(accepted)
     }
 
-    /// Records a migration that was carried out, with the measured seconds that all its phases took, and starts the
-    /// cool-down.
+    /// Records a migration that was carried out, with the measured seconds that its phases took after the plan, and
+    /// starts the cool-down.
     pub fn migrated(&mut self, loads: &Loads, plan: &MigrationPlan, estimate: &Estimate, seconds: f64) {
         self.cost.measure(plan.bytes(loads), seconds);
         self.cool_down = self.params.cool_down;
         self.expected = Some([loads.max_over_mean(), estimate.max_over_mean]);
+    }
+}
+
+/// What planning costs, and what it is worth.
+#[derive(Clone, Debug)]
+struct Planning {
+    /// Seconds, a mean that forgets; zero until a plan is measured.
+    seconds: f64,
+    /// The fraction of the largest possible savings by which former plans were better than none.
+    worth: f64,
+    /// The largest possible saving of the next plan, s.
+    possible: f64,
+}
+
+impl Default for Planning {
+    fn default() -> Self {
+        Self { seconds: 0.0, worth: 1.0, possible: 0.0 }
+    }
+}
+
+impl Planning {
+    /// Returns true if a plan that may save up to `possible` seconds is expected to save what it costs to make.
+    fn pays(&mut self, possible: f64) -> bool {
+        self.possible = possible;
+        let pays = self.worth * possible >= self.seconds;
+        if !pays {
+            self.worth = (1.1 * self.worth).min(1.0);
+        }
+        pays
+    }
+
+    /// Records the seconds of a plan, and by how many it is expected to shorten the run.
+    fn measure(&mut self, seconds: f64, saved: f64) {
+        /// A plan always pays if it takes less than this part of the largest possible saving.
+        const LEAST: f64 = 1e-3;
+        let former = if self.seconds > 0.0 { self.seconds } else { seconds };
+        self.seconds = FORGETTING * former + (1.0 - FORGETTING) * seconds;
+        let worth = if self.possible > 0.0 { (saved / self.possible).clamp(0.0, 1.0) } else { 0.0 };
+        self.worth = (FORGETTING * self.worth + (1.0 - FORGETTING) * worth).max(LEAST);
     }
 }
 
@@ -186,8 +258,14 @@ mod tests {
     #[test]
     fn a_migration_is_due_after_three_unbalanced_sweeps() {
         let mut trigger = Trigger::new(patient());
-        let due = [1.4, 1.4, 1.2, 1.5, 1.35, 1.4, 1.4, 1.4, 1.4].map(|max_over_mean| trigger.observe(max_over_mean));
+        let due =
+            [1.4, 1.4, 1.2, 1.5, 1.35, 1.4, 1.4, 1.4, 1.4].map(|max_over_mean| observe(&mut trigger, max_over_mean));
         assert_eq!(due, [false, false, false, false, false, true, false, false, true]);
+    }
+
+    /// A sweep of two ranks with this max/mean, in which the slowest one takes a second.
+    fn observe(trigger: &mut Trigger, max_over_mean: f64) -> bool {
+        trigger.observe(&[1.0, 2.0 / max_over_mean - 1.0])
     }
 
     fn patient() -> TriggerParams {
@@ -204,10 +282,10 @@ mod tests {
     fn sweeps_of_the_cool_down_do_not_count() {
         let (loads, plan) = unbalanced();
         let mut trigger = Trigger::new(TriggerParams { sweeps: 1, cool_down: 2, ..patient() });
-        assert!(trigger.observe(1.5));
-        let estimate = trigger.estimate(&loads, &plan, 1.0).unwrap();
+        assert!(observe(&mut trigger, 1.5));
+        let estimate = trigger.estimate(&loads, &plan).unwrap();
         trigger.migrated(&loads, &plan, &estimate, 0.1);
-        assert_eq!([1.5, 1.5, 1.5].map(|max_over_mean| trigger.observe(max_over_mean)), [false, false, true]);
+        assert_eq!([1.5, 1.5, 1.5].map(|value| observe(&mut trigger, value)), [false, false, true]);
     }
 
     #[test]
@@ -215,29 +293,61 @@ mod tests {
         let (loads, plan) = unbalanced();
         let mut trigger = Trigger::new(TriggerParams { horizon: 6.0, ..TriggerParams::default() });
         // From 30 to 20: a third of six sweeps.
-        let estimate = trigger.estimate(&loads, &plan, 0.3).unwrap();
+        trigger.observe(&[0.3, 0.1]);
+        let estimate = trigger.estimate(&loads, &plan).unwrap();
         assert!((estimate.gain - 0.6).abs() < 1e-12 && (estimate.cost - 0.01).abs() < 1e-9, "{estimate:?}");
-        assert_eq!(trigger.accept(&loads, &plan, 0.3).unwrap(), Some(estimate));
-        assert_eq!(trigger.accept(&loads, &plan, 0.004).unwrap(), None);
-        assert_eq!(trigger.accept(&loads, &MigrationPlan::new(2), 0.3).unwrap(), None, "nothing moves");
+        assert_eq!(trigger.accept(&loads, &plan, 0.0).unwrap(), Some(estimate));
+        assert_eq!(trigger.accept(&loads, &MigrationPlan::new(2), 0.0).unwrap(), None, "nothing moves");
+        trigger.observe(&[0.004, 0.001]);
+        assert_eq!(trigger.accept(&loads, &plan, 0.0).unwrap(), None);
         // Migrations turn out to take a second.
+        trigger.observe(&[0.3, 0.1]);
         (0..6).for_each(|_| trigger.migrated(&loads, &plan, &estimate, 1.0));
-        assert_eq!(trigger.accept(&loads, &plan, 0.3).unwrap(), None);
+        assert_eq!(trigger.accept(&loads, &plan, 0.0).unwrap(), None);
+    }
+
+    #[test]
+    fn planning_that_costs_more_than_it_may_save_is_left_out() {
+        let (loads, plan) = unbalanced();
+        let mut trigger = Trigger::new(TriggerParams::default());
+        // Ten sweeps of a millisecond that are a third too long: at most 3.3 ms.
+        let short = [1e-3, 1e-3 / 3.0];
+        assert!(trigger.observe(&short), "the cost of planning is not known yet");
+        assert_eq!(trigger.accept(&loads, &plan, 4e-3).unwrap(), None);
+        assert!((0..100).all(|_| !trigger.observe(&short)));
+        assert!(trigger.observe(&[1e-2, 1e-2 / 3.0]), "longer sweeps save more");
+    }
+
+    #[test]
+    fn plans_that_are_always_declined_become_rare() {
+        let (loads, nothing) = (unbalanced().0, MigrationPlan::new(2));
+        let mut trigger = Trigger::new(TriggerParams::default());
+        let mut plans = 0;
+        // A plan may save 3.3 s, and costs 0.1 s.
+        for _ in 0..200 {
+            if trigger.observe(&[1.0, 1.0 / 3.0]) {
+                plans += 1;
+                assert_eq!(trigger.accept(&loads, &nothing, 0.1).unwrap(), None);
+            }
+        }
+        assert!((10..40).contains(&plans), "{plans}");
     }
 
     #[test]
     fn gains_that_fail_to_appear_are_not_expected_again() {
         let (loads, plan) = unbalanced();
         let mut trigger = Trigger::new(TriggerParams::default());
-        let estimate = trigger.estimate(&loads, &plan, 1.0).unwrap();
+        observe(&mut trigger, 1.5);
+        let estimate = trigger.estimate(&loads, &plan).unwrap();
         for _ in 0..3 {
             trigger.migrated(&loads, &plan, &estimate, 0.0);
-            trigger.observe(1.5);
+            observe(&mut trigger, 1.5);
         }
-        let later = trigger.estimate(&loads, &plan, 1.0).unwrap();
+        let later = trigger.estimate(&loads, &plan).unwrap();
         assert!((later.gain / estimate.gain - 0.125).abs() < 1e-12, "{later:?}");
-        (0..50).for_each(|_| assert_eq!(trigger.accept(&loads, &plan, 0.0).unwrap(), None));
-        assert!(trigger.estimate(&loads, &plan, 1.0).unwrap().gain > 0.9 * estimate.gain);
+        let nothing = MigrationPlan::new(2);
+        (0..50).for_each(|_| assert_eq!(trigger.accept(&loads, &nothing, 0.0).unwrap(), None));
+        assert!(trigger.estimate(&loads, &plan).unwrap().gain > 0.9 * estimate.gain);
     }
 
     #[test]

@@ -157,10 +157,13 @@ pub trait TissueMaterial: PointField<Error = TissueFieldError> {
     fn restore_units(&mut self, sites: &SavedSites, folder: &Path, pieces: &[Piece]) -> Result<(), FieldRestoreError>;
 }
 
-/// The material of the whole body in one process.
+/// The material of the whole body in one process. The first evaluation creates the RVEs, so that a body whose RVEs are
+/// not solved, or only a few of them ([`TissueField::sampled`]), does not need their memory.
 pub struct TissueField<B: Backend> {
     sites: Sites,
     units: Units<B>,
+    /// Whether the RVEs that exist have units.
+    is_created: bool,
     /// The index of the unit of each point with an RVE.
     unit_of: HashMap<usize, usize>,
 }
@@ -175,9 +178,7 @@ impl<B: RealBackend> TissueField<B> {
         let (mut library, warnings) = Library::read(context, materials)?;
         let sites = Sites::new(&library, mesh)?;
         library.use_lanes(&sites.counts(library.models().len(), |_| true).per_model);
-        let mut field = Self { sites, units: Units::new(library), unit_of: HashMap::new() };
-        field.create_existing();
-        Ok((field, warnings))
+        Ok((Self { sites, units: Units::new(library), is_created: false, unit_of: HashMap::new() }, warnings))
     }
 
     /// Solves the RVEs of models for which `make` returns a solver in batches; see [`Library::solve_in_batches`].
@@ -201,6 +202,7 @@ impl<B: RealBackend> TissueField<B> {
         let existing: Vec<usize> = self.sites.existing().map(|(point, _)| point).collect();
         self.units.clear();
         self.unit_of.clear();
+        self.is_created = true;
         self.update_rves(&[], &existing);
     }
 
@@ -211,12 +213,15 @@ impl<B: RealBackend> TissueField<B> {
         }
         let deleted: HashSet<usize> = deleted.iter().copied().collect();
         self.units.remove(&deleted);
-        for &point in created {
-            if let Some((model, matrix)) = self.sites.material(point) {
-                self.units.add((point, self.sites.locate(point), self.sites.region(point)), model, matrix);
-            }
-        }
+        created.iter().for_each(|&point| self.create(point));
         self.unit_of = self.units.by_point();
+    }
+
+    /// Creates the RVE of a point, at rest.
+    fn create(&mut self, point: usize) {
+        if let Some((model, matrix)) = self.sites.material(point) {
+            self.units.add((point, self.sites.locate(point), self.sites.region(point)), model, matrix);
+        }
     }
 }
 
@@ -224,6 +229,9 @@ impl<B: RealBackend> PointField for TissueField<B> {
     type Error = TissueFieldError;
 
     fn update(&mut self, gradients: &[Matrix3<f64>], out: &mut PointResponses) -> Result<(), Self::Error> {
+        if !self.is_created {
+            self.create_existing();
+        }
         let Self { sites, units, .. } = self;
         // Points that need no RVE come first: an inverted point there fails before any RVE is solved.
         sites.evaluate(gradients, out)?;
@@ -291,7 +299,7 @@ impl<B: RealBackend> TissueMaterial for TissueField<B> {
     }
 
     fn rve_bytes(&self) -> usize {
-        self.units.bytes()
+        if self.is_created { self.units.bytes() } else { self.units.bytes_of_new(self.sites.existing_by_model()) }
     }
 
     fn take_stats(&self) -> RveStats {

@@ -26,28 +26,28 @@ pub struct SampledField<B: Backend> {
 }
 
 impl<B: RealBackend> TissueField<B> {
-    /// Keeps at most `per_model` RVEs of each network, spread over its points.
+    /// Creates at most `per_model` RVEs of each network, spread over its points, and no others.
     ///
     /// # Errors
     /// Returns [`LibraryError::Model`] if a network has no response at rest.
-    pub fn sampled(self, per_model: usize) -> Result<SampledField<B>, LibraryError> {
-        let Self { sites, mut units, .. } = self;
-        let models = units.library().models().len();
-        let laws = (0..models).map(|model| units.library().at_rest(model)).collect::<Result<_, _>>()?;
+    pub fn sampled(mut self, per_model: usize) -> Result<SampledField<B>, LibraryError> {
+        let models = self.units.library().models().len();
+        let laws = (0..models).map(|model| self.units.library().at_rest(model)).collect::<Result<_, _>>()?;
         // The last class is that of RVEs without a network.
         let mut of_model: Vec<Vec<usize>> = vec![Vec::new(); models + 1];
-        for (number, &point) in units.points().iter().enumerate() {
-            let model = sites.material(point).and_then(|(model, _)| model);
-            of_model[model.unwrap_or(models)].push(number);
+        for ((point, _), model) in self.sites.existing().zip(self.sites.existing_by_model()) {
+            of_model[model.unwrap_or(models)].push(point);
         }
-        let mut keep = vec![false; units.len()];
-        for numbers in &of_model {
-            let samples = per_model.min(numbers.len());
-            (0..samples).for_each(|k| keep[numbers[(2 * k + 1) * numbers.len() / (2 * samples)]] = true);
+        let mut sampled = Vec::with_capacity(per_model * of_model.len());
+        for points in &of_model {
+            let samples = per_model.min(points.len());
+            sampled.extend((0..samples).map(|k| points[(2 * k + 1) * points.len() / (2 * samples)]));
         }
-        units.retain(&keep);
-        units.keep_costs();
-        Ok(SampledField { sites, units, laws, failures: 0 })
+        sampled.sort_unstable();
+        self.units.clear();
+        sampled.into_iter().for_each(|point| self.create(point));
+        self.units.keep_costs();
+        Ok(SampledField { sites: self.sites, units: self.units, laws, failures: 0 })
     }
 }
 
@@ -114,5 +114,53 @@ impl<B: RealBackend> PointField for SampledField<B> {
         self.units.revert();
         self.sites.revert();
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::backends::sparse::Sparse;
+    use crate::fem::mesh::shapes::cuboid;
+    use crate::fiber::rve::StressScale;
+    use crate::tissue::materials::{FiberRve, Materials, NetworkAssignment, Region, RegionMaterial, RveLifecycle};
+    use crate::tissue::micro_scale::TissueMaterial;
+
+    /// A body of 48 elements with two networks in turn.
+    fn body() -> TissueField<Sparse> {
+        let network = |name| Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/networks").join(name);
+        let rve = FiberRve {
+            networks: vec![network("frozen.txt"), network("frozen.txt")],
+            assignment: NetworkAssignment::Cycle,
+            seed: 0,
+            scale: StressScale::Raw,
+            law: None,
+            matrix: None,
+            lifecycle: RveLifecycle::default(),
+        };
+        let region = Region { name: "*".into(), material: RegionMaterial::FiberRve(rve) };
+        let materials = Materials { regions: vec![region], ..Materials::default() };
+        TissueField::new((), materials, &cuboid([2, 2, 2], [1.0; 3]).unwrap()).unwrap().0
+    }
+
+    #[test]
+    fn only_the_sampled_rves_are_created() {
+        let models = body().library().models().len();
+        let mut sampled = body().sampled(3).unwrap();
+        assert_eq!(sampled.units.len(), 3 * models, "three of each network");
+        assert!(sampled.units.points().is_sorted());
+        sampled.update(&[Matrix3::identity() * 1.01; 48], &mut PointResponses::default()).unwrap();
+        assert_eq!(sampled.take_costs()[0].len(), 3 * models);
+    }
+
+    #[test]
+    fn the_first_evaluation_creates_the_rves_of_a_body() {
+        let mut body = body();
+        let expected = body.rve_bytes();
+        assert_eq!(body.units.len(), 0);
+        body.update(&[Matrix3::identity(); 48], &mut PointResponses::default()).unwrap();
+        assert_eq!((body.units.len(), body.rve_bytes()), (48, expected));
     }
 }

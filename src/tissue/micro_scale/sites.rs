@@ -144,6 +144,11 @@ impl Sites {
         self.rve_sites().filter(|(_, rve)| rve.status().exists()).map(|(point, rve)| (point, rve.region))
     }
 
+    /// Returns the model of every RVE that exists; `None` for one without a network.
+    pub(super) fn existing_by_model(&self) -> impl Iterator<Item = Option<usize>> {
+        self.rve_sites().filter(|(_, rve)| rve.status().exists()).map(|(_, rve)| rve.model)
+    }
+
     /// Returns the model and the matrix of the RVE of a point.
     pub(in crate::tissue) fn material(&self, point: usize) -> Option<(Option<usize>, Option<Arc<Formula>>)> {
         let rve = self.sites.get(point)?.rve()?;

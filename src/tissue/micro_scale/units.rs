@@ -215,6 +215,18 @@ impl<B: RealBackend> Units<B> {
         self.units.iter().map(|unit| unit.bytes(self.library.predict) + of_costs).sum()
     }
 
+    /// Bytes that RVEs of these models will own, as [`Units::bytes`] counts them.
+    pub(super) fn bytes_of_new(&self, models: impl Iterator<Item = Option<usize>>) -> usize {
+        let mut counts: HashMap<Option<usize>, usize> = HashMap::new();
+        models.for_each(|model| *counts.entry(model).or_default() += 1);
+        let of_costs = size_of::<Cost>() + size_of::<CostHistory>();
+        let of_model = |model| {
+            let location = IntegrationPoint { element: 0, point: 0, points: 1 };
+            Unit::new((location, 0), model, &self.library.models, None).bytes(self.library.predict) + of_costs
+        };
+        counts.into_iter().map(|(model, count)| count * of_model(model)).sum()
+    }
+
     /// Returns the counters of the RVEs since the last call.
     pub fn take_stats(&self) -> RveStats {
         std::mem::take(&mut self.stats.lock().unwrap_or_else(PoisonError::into_inner))

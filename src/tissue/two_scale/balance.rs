@@ -6,10 +6,10 @@ use serde::{Deserialize, Serialize};
 
 use super::TwoScaleError;
 use crate::coupling::balance::{
-    self, BalanceError, Cost, CostHistory, Diffusive, Estimate, Greedy, Iterations, Loads, LongestFirst, Migration,
-    MigrationPlan, Predictor, Quantity, Seconds, Trigger, TriggerParams, Unit, Weights, max_over_mean, migrate,
+    self, BalanceError, Balancer, Cost, CostHistory, Diffusive, DueMigration, Greedy, Iterations, Loads, LongestFirst,
+    Migration, MigrationPlan, Planner, Predictor, Quantity, Seconds, TriggerParams, Unit, Weights, migrate,
 };
-use crate::las::{Comm, Message, RealBackend};
+use crate::las::{Comm, RealBackend};
 use crate::tissue::micro_scale::Units;
 
 /// How the micro scale balances its load.
@@ -84,14 +84,16 @@ impl PlannerName {
             Self::Metis => "metis",
         }
     }
+}
 
-    fn plan<C: Comm>(self, scale: &C, weights: &[f64], bytes: &[u64]) -> Result<(Loads, MigrationPlan), BalanceError> {
+impl Planner for PlannerName {
+    fn plan(&self, loads: &Loads) -> Result<MigrationPlan, BalanceError> {
         match self {
-            Self::Greedy => balance::plan(scale, &Greedy, weights, bytes),
-            Self::LongestFirst => balance::plan(scale, &LongestFirst::default(), weights, bytes),
-            Self::Diffusive => balance::plan(scale, &Diffusive::default(), weights, bytes),
+            Self::Greedy => Greedy.plan(loads),
+            Self::LongestFirst => LongestFirst::default().plan(loads),
+            Self::Diffusive => Diffusive::default().plan(loads),
             #[cfg(feature = "metis")]
-            Self::Metis => balance::plan(scale, &balance::Metis::default(), weights, bytes),
+            Self::Metis => balance::Metis::default().plan(loads),
         }
     }
 }
@@ -183,40 +185,21 @@ impl Weights for AnyWeights {
 }
 
 /// Balances the load of one rank of the micro scale with the others. A sweep is one evaluation of all RVEs.
-pub(super) struct Balancer {
+pub(super) struct RveBalancer {
     params: BalanceParams,
     weights: AnyWeights,
-    trigger: Trigger,
-    is_due: bool,
-    /// Seconds of the last sweep on the slowest rank.
-    sweep_seconds: f64,
+    balancer: Balancer,
     /// The weight of each RVE before the last sweep, and what it cost then.
     compared: Vec<[f64; 2]>,
 }
 
-/// A migration that pays.
-pub(super) struct DueMigration {
-    loads: Loads,
-    plan: MigrationPlan,
-    estimate: Estimate,
-}
-
-impl DueMigration {
-    pub fn report(&self) -> MigrationReport {
-        let of_rank = |rank: usize| {
-            let units = self.plan.of(rank).iter().flat_map(|(_, units)| units);
-            units.map(|&unit| self.loads.bytes(rank, unit)).sum::<u64>()
-        };
-        MigrationReport {
-            iteration: 0,
-            units: self.plan.len(),
-            bytes: (0..self.plan.ranks()).map(of_rank).sum(),
-            max_over_mean: [self.loads.max_over_mean(), self.estimate.max_over_mean],
-        }
+impl MigrationReport {
+    pub(super) fn new(due: &DueMigration) -> Self {
+        Self { iteration: 0, units: due.units(), bytes: due.bytes(), max_over_mean: due.max_over_mean() }
     }
 }
 
-impl Balancer {
+impl RveBalancer {
     /// Creates a balancer for RVEs of so many networks.
     pub fn new(params: BalanceParams, networks: usize) -> Self {
         let weights = match params.weights {
@@ -226,8 +209,7 @@ impl Balancer {
             // The last class is that of RVEs without a network.
             WeightsName::Predictor => AnyWeights::Predictor(Box::new(Predictor::new(Quantity::Seconds, networks + 1))),
         };
-        let trigger = Trigger::new(params.trigger);
-        Self { params, weights, trigger, is_due: false, sweep_seconds: 0.0, compared: Vec::new() }
+        Self { params, weights, balancer: Balancer::new(params.trigger), compared: Vec::new() }
     }
 
     /// Learns from the costs of a sweep that took `seconds` on this rank. Collective over the scale.
@@ -245,12 +227,7 @@ impl Balancer {
         let pairs = histories.iter().zip(costs);
         self.compared = pairs.map(|(history, cost)| [self.weights.weight(history), of_cost(cost)]).collect();
         balance::record(scale, &mut self.weights, histories, costs)?;
-        let all = scale.gather_all(Message::of(&[seconds]))?;
-        let all = all.iter().map(|message| message.values::<f64>().and_then(|values| values.first().copied()));
-        let all = all.collect::<Option<Vec<f64>>>().ok_or(TwoScaleError::Protocol)?;
-        self.sweep_seconds = all.iter().copied().fold(0.0, f64::max);
-        self.is_due |= self.trigger.observe(max_over_mean(&all));
-        Ok(())
+        Ok(self.balancer.observe(scale, seconds)?)
     }
 
     /// Returns the skill of the weights in the last sweep. Collective over the scale.
@@ -265,14 +242,12 @@ impl Balancer {
         scale: &C,
         units: &mut Units<B>,
     ) -> Result<Option<DueMigration>, TwoScaleError> {
-        if !std::mem::take(&mut self.is_due) {
+        if !self.balancer.is_due() {
             return Ok(None);
         }
         let weights: Vec<f64> = units.histories().0.iter().map(|history| self.weights.weight(history)).collect();
         let bytes: Vec<u64> = (0..units.len()).map(|number| units.packed_bytes(number)).collect();
-        let (loads, plan) = self.params.planner.plan(scale, &weights, &bytes)?;
-        let accepted = self.trigger.accept(&loads, &plan, self.sweep_seconds)?;
-        Ok(accepted.map(|estimate| DueMigration { loads, plan, estimate }))
+        Ok(self.balancer.plan(scale, &self.params.planner, &weights, &bytes)?)
     }
 
     /// Moves the RVEs of a plan. Collective over the scale.
@@ -282,7 +257,7 @@ impl Balancer {
         units: &mut Units<B>,
         due: &DueMigration,
     ) -> Result<Migration, TwoScaleError> {
-        let moves = due.plan.of(scale.rank());
+        let moves = due.moves(scale.rank());
         let mut packed = HashMap::with_capacity(moves.len());
         for &number in moves.iter().flat_map(|(_, numbers)| numbers) {
             packed.insert(number as usize, units.pack(number as usize)?);
@@ -297,9 +272,6 @@ impl Balancer {
     /// Records the seconds that a migration took on this rank, with the update of the couplings. Collective over the
     /// scale.
     pub fn migrated<C: Comm>(&mut self, scale: &C, due: &DueMigration, seconds: f64) -> Result<(), TwoScaleError> {
-        let mut slowest = [seconds];
-        scale.max(&mut slowest)?;
-        self.trigger.migrated(&due.loads, &due.plan, &due.estimate, slowest[0]);
-        Ok(())
+        Ok(self.balancer.migrated(scale, due, seconds)?)
     }
 }

@@ -7,7 +7,7 @@ use std::time::Instant;
 use serde::Serialize;
 
 use super::TwoScaleError;
-use super::balance::{BalanceParams, Balancer, DueMigration};
+use super::balance::{BalanceParams, MigrationReport, RveBalancer};
 use super::channels::Channels;
 use super::protocol::{
     Command, MACRO, NewRve, PieceFailure, RankReport, RankTimes, RveFailure, RveResponse, RveTask, Task, UnitReport,
@@ -44,7 +44,7 @@ pub fn run<C: Comm, B: RealBackend>(
     let channels = Channels::new(scales)?;
     let between = RankTimes::of_rank(scales.world().rank());
     let balancer =
-        balance.filter(|_| scales.comm().size() > 1).map(|params| Balancer::new(params, library.models().len()));
+        balance.filter(|_| scales.comm().size() > 1).map(|params| RveBalancer::new(params, library.models().len()));
     let (mut units, (tasks, failed, times)) = (Units::new(library), Default::default());
     if output.costs {
         units.keep_costs();
@@ -62,7 +62,7 @@ struct MicroSide<'a, C: Comm, B: Backend> {
     networks: ElementSelection,
     units: Units<B>,
     channels: Channels<C>,
-    balancer: Option<Balancer>,
+    balancer: Option<RveBalancer>,
     /// The last tasks received, in the order of the units.
     tasks: Vec<RveTask>,
     failed: Option<PointFailure>,
@@ -164,8 +164,9 @@ impl<C: Comm, B: RealBackend> MicroSide<'_, C, B> {
             Some(balancer) => balancer.plan(scale, &mut self.units)?,
             None => None,
         };
-        self.scales.broadcast(self.macro_scale, pack(&due.as_ref().map(DueMigration::report))?)?;
+        self.scales.broadcast(self.macro_scale, pack(&due.as_ref().map(MigrationReport::new))?)?;
         if let (Some(balancer), Some(due)) = (&mut self.balancer, due) {
+            let start = Instant::now();
             let migration = balancer.migrate(scale, &mut self.units, &due)?;
             self.channels.to_micro.migrate(&migration)?;
             self.channels.to_macro = self.channels.to_micro.inverse();

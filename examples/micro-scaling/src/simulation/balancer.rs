@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use biotissue::coupling::balance::{
     BalanceError, Cost, CostHistory, Diffusive, Greedy, Iterations, Loads, LongestFirst, MigrationPlan, Planner,
-    Predictor, Quantity, Trigger, TriggerParams, Weights, max_over_mean, rank_correlation,
+    Predictor, Quantity, Trigger, TriggerParams, Weights, rank_correlation,
 };
 use clap::ValueEnum;
 
@@ -42,8 +42,6 @@ pub struct Balancer<'a> {
     predictor: Predictor,
     trigger: Trigger,
     is_due: bool,
-    /// Seconds of the last sweep on the slowest rank.
-    sweep_seconds: f64,
 }
 
 impl<'a> Balancer<'a> {
@@ -51,7 +49,7 @@ impl<'a> Balancer<'a> {
         // As in `biotissue run`, the last class is that of RVEs without a network.
         let predictor = Predictor::new(Quantity::Seconds, case.replicas.recording.networks() + 1);
         let trigger = Trigger::new(TriggerParams::default());
-        Self { case, scheme, predictor, trigger, is_due: false, sweep_seconds: 0.0 }
+        Self { case, scheme, predictor, trigger, is_due: false }
     }
 
     /// Balances ahead of a sweep.
@@ -81,15 +79,11 @@ impl<'a> Balancer<'a> {
     fn if_it_pays(&mut self, run: &mut Run) -> Result<(), BalanceError> {
         let before = run.totals.balancing();
         let loads = self.loads(run, &self.predictor)?;
-        let (case, trigger, seconds) = (self.case, &mut self.trigger, self.sweep_seconds);
-        let (plan, accepted) = Self::timed(case, run, || {
-            let plan = Diffusive::default().plan(&loads)?;
-            let accepted = trigger.accept(&loads, &plan, seconds)?;
-            Ok((plan, accepted))
-        })?;
-        let Some(estimate) = accepted else { return Ok(()) };
+        let plan = Self::timed(self.case, run, || Diffusive::default().plan(&loads))?;
+        let planned = run.totals.balancing();
+        let Some(estimate) = self.trigger.accept(&loads, &plan, planned - before)? else { return Ok(()) };
         self.migrate(run, &loads, &plan)?;
-        self.trigger.migrated(&loads, &plan, &estimate, run.totals.balancing() - before);
+        self.trigger.migrated(&loads, &plan, &estimate, run.totals.balancing() - planned);
         Ok(())
     }
 
@@ -161,8 +155,7 @@ impl<'a> Balancer<'a> {
             + machine.gather_all(*ranks, bytes * *ranks as u64)
             + machine.tree(*ranks, bytes)
             + machine.gather_all(*ranks, 8 * *ranks as u64);
-        self.sweep_seconds = busy.iter().copied().fold(0.0, f64::max);
-        self.is_due |= self.trigger.observe(max_over_mean(busy));
+        self.is_due |= self.trigger.observe(busy);
     }
 
     /// Learns on every rank, and adds the sums in the order of the ranks as `Comm::sum` does; returns their number.

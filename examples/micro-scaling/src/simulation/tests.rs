@@ -1,6 +1,6 @@
 use biotissue::coupling::balance::{
     self, Cost, CostHistory, Diffusive, Greedy, Iterations, Predictor, Quantity, Trigger, TriggerParams, Weights,
-    max_over_mean, migrate,
+    migrate,
 };
 use biotissue::coupling::{Comm, Message, bytemuck, thread};
 use biotissue::las::conformance::Random;
@@ -119,7 +119,7 @@ fn on_threads(case: &Case, scheme: Scheme) -> Vec<Vec<f64>> {
             Placement::even(case.replicas.units, case.ranks).of(comm.rank()).iter().map(|&unit| unit.into()).collect();
         let mut histories = vec![CostHistory::default(); units.len()];
         let mut predictor = Predictor::new(Quantity::Seconds, case.replicas.recording.networks() + 1);
-        let (mut trigger, mut is_due, mut slowest) = (Trigger::new(TriggerParams::default()), false, 0.0);
+        let (mut trigger, mut is_due) = (Trigger::new(TriggerParams::default()), false);
         let mut sweeps: Vec<Vec<f64>> = Vec::new();
         for sweep in 0..case.sweeps {
             let starts_step = sweep > 0 && case.replicas.recording.starts_step(sweep);
@@ -136,8 +136,8 @@ fn on_threads(case: &Case, scheme: Scheme) -> Vec<Vec<f64>> {
             };
             if let Some((loads, plan)) = planned {
                 let accepted = match scheme {
-                    Scheme::Text => Some(trigger.estimate(&loads, &plan, slowest)?).filter(|_| !plan.is_empty()),
-                    _ => trigger.accept(&loads, &plan, slowest)?,
+                    Scheme::Text => Some(trigger.estimate(&loads, &plan)?).filter(|_| !plan.is_empty()),
+                    _ => trigger.accept(&loads, &plan, 0.0)?,
                 };
                 if let Some(estimate) = accepted {
                     let pack =
@@ -164,8 +164,7 @@ fn on_threads(case: &Case, scheme: Scheme) -> Vec<Vec<f64>> {
             balance::record(&comm, &mut predictor, &mut histories, &costs)?;
             let all = comm.gather_all(Message::of(&[busy]))?;
             let all: Vec<f64> = all.iter().map(|message| message.values::<f64>().unwrap()[0]).collect();
-            slowest = all.iter().copied().fold(0.0, f64::max);
-            is_due = trigger.observe(max_over_mean(&all));
+            is_due = trigger.observe(&all);
             sweeps.push(all);
         }
         Ok(sweeps)

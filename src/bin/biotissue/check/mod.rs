@@ -23,8 +23,9 @@ use crate::conditions::{ConditionPlan, conditions};
 use crate::dispatch::{Job, ProgramBackend, dispatch};
 use crate::error_hints::{CaseHints, not_set_up};
 use crate::failure::Failure;
+use crate::number::count;
 use crate::output;
-use crate::ranks::check_near;
+use crate::ranks::{check_near, check_requested, split};
 use crate::run::{Common, read, setup};
 
 /// Read and check a case and all its files, and print the plan; without --measure, solve nothing
@@ -34,6 +35,10 @@ pub struct CheckCommand {
     case: PathBuf,
     #[command(flatten)]
     common: Common,
+    /// Ranks of the planned run, started by `run --ranks` or by mpirun; no rank is started here [default: those of [scales],
+    /// else 1]
+    #[arg(long, value_name = "N", value_parser = count, allow_hyphen_values = true)]
+    ranks: Option<usize>,
     /// Also solve a few RVEs of each network and the first load step with linear networks, to forecast times and
     /// propose numbers of ranks
     #[arg(long)]
@@ -45,15 +50,19 @@ pub struct CheckCommand {
 
 /// Runs the command.
 pub fn check(command: &CheckCommand) -> Result<(), Failure> {
+    check_requested(command.ranks)?;
     let case = read(&command.case)?;
     check_near(case.scales)?;
+    let ranks = split(&case, command.ranks)?;
     command.common.start_threads()?;
-    let plan = dispatch(command.common.backend(), CheckJob { case, measure: command.measure })?;
+    let plan = dispatch(command.common.backend(), CheckJob { case, ranks, measure: command.measure })?;
     if command.json { output::print_json(&plan) } else { output::print(&plan.text()) }
 }
 
 struct CheckJob {
     case: Case,
+    /// Numbers of macro and micro ranks of the planned run; 1 and 0 without ranks.
+    ranks: [usize; 2],
     measure: bool,
 }
 
@@ -160,19 +169,14 @@ impl Job for CheckJob {
             constraints,
             steps,
             threads,
-            ranks: setup.case().scales.least(),
+            ranks: self.ranks.iter().sum(),
             directory: setup.case().output.directory.clone(),
             measured: None,
         };
         if self.measure {
             let hints = CaseHints::of(setup.case());
-            let scales = setup.case().scales;
-            let of_case = match (scales.macro_ranks, scales.micro_ranks) {
-                (macro_ranks, 0) if macro_ranks > 1 => [macro_ranks, 1],
-                (macro_ranks, micro_ranks) => [macro_ranks, micro_ranks],
-            };
             let measurement = setup.measure().map_err(|error| not_set_up(&hints, error))?;
-            let forecast = Forecast::new(&measurement, B::DISTRIBUTES, of_case);
+            let forecast = Forecast::new(&measurement, B::DISTRIBUTES, self.ranks);
             plan.measured = Some(Measured { measurement, forecast });
         }
         Ok(plan)

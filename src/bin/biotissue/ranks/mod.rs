@@ -77,6 +77,28 @@ pub fn of_threads(requested: Option<usize>, scales: ScalesCase, plan: Option<&Pl
     (planned > 1 || requested.is_some_and(|requested| requested > 1)).then_some(requested.unwrap_or(planned))
 }
 
+/// Checks the number of ranks that the user asks for.
+pub fn check_requested(ranks: Option<usize>) -> Result<(), Failure> {
+    if ranks == Some(0) {
+        return Err(Failure::arguments(
+            "invalid --ranks 0",
+            "at least one rank",
+            "leave --ranks out, or give a number above 0",
+        ));
+    }
+    Ok(())
+}
+
+/// Returns the numbers of macro and micro ranks of a run of this case on `requested` ranks, or else on the smallest number
+/// that it can run on; 1 and 0 for a run without ranks.
+pub fn split(case: &Case, requested: Option<usize>) -> Result<[usize; 2], Failure> {
+    let Some(ranks) = of_threads(requested, case.scales, None) else { return Ok([1, 0]) };
+    let assigned = plan(case.scales, ranks).assign(ranks);
+    let assigned = assigned.map_err(|error| plan_failure(&error.into(), "[scales]", &case.file))?;
+    let count = |scale: usize| assigned.get(scale).map_or(0, Vec::len);
+    Ok([count(0), count(1)])
+}
+
 /// Checks the scales of a configuration file, which may name any scales and relations: a body has exactly two scales,
 /// with relations in both directions or none.
 pub fn check_scales(config: &Config, file: &Path) -> Result<(), Failure> {
@@ -235,17 +257,18 @@ fn scales_failure(rank: usize, run: &RunContext<'_>, error: &ScaleError) -> Resu
         Some((_, file)) => ("@scales", file),
         None => ("[scales]", &run.case.file),
     };
+    Ok(Some(Err(plan_failure(error, scales, file))))
+}
+
+/// Describes an assignment of ranks that is impossible, with the section `scales` of `file` that causes it.
+fn plan_failure(error: &ScaleError, scales: &str, file: &Path) -> Failure {
     let cure = match error {
         ScaleError::Plan(PlanError::Sum { planned, .. }) => format!("start {planned} ranks, or change"),
         ScaleError::Plan(PlanError::Empty(_)) => "start more ranks, or change".to_owned(),
         _ => "change".to_owned(),
     };
     let cure = format!("{cure} {scales} in {}", file.display());
-    Ok(Some(Err(Failure::arguments(
-        error.to_string(),
-        "at least a rank for each scale, and each rank in one of them",
-        cure,
-    ))))
+    Failure::arguments(error.to_string(), "at least a rank for each scale, and each rank in one of them", cure)
 }
 
 /// Makes all ranks fail if one of them failed: a failed rank returns its own failure, the others that of the first

@@ -35,7 +35,9 @@ fn at_rest() -> TissueField<Sparse> {
     };
     let region = Region { name: "*".into(), material: RegionMaterial::FiberRve(rve) };
     let materials = Materials { regions: vec![region], ..Materials::default() };
-    TissueField::new((), materials, &cuboid([1, 1, 1], [1.0; 3]).unwrap()).unwrap().0
+    let mut field = TissueField::new((), materials, &cuboid([1, 1, 1], [1.0; 3]).unwrap()).unwrap().0;
+    field.create_existing();
+    field
 }
 
 fn states(field: &TissueField<Sparse>) -> Vec<(u64, UnitState)> {
