@@ -9,8 +9,11 @@ mod error;
 pub mod extension;
 pub mod page;
 pub mod picture;
+mod quantity;
 pub mod ranks;
+mod skin;
 mod svg;
 mod units;
+mod viewer;
 
 pub use error::ReportError;

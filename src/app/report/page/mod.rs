@@ -7,7 +7,7 @@ use super::directory::{Directory, Increment};
 use super::extension::Extension;
 use super::picture::{PictureOptions, draw_from};
 use super::units::{escape, quantity, significant};
-use super::{ReportError, charts};
+use super::{ReportError, charts, viewer};
 use crate::app::results::{Fields, ResultsError, is_report};
 use crate::output;
 
@@ -49,11 +49,17 @@ pub fn page(dir: &Path, options: &PictureOptions) -> Result<String, ReportError>
     let run = Run::of(&directory)?;
     let mut html = String::from(HEAD);
     let title = escape(&directory.title());
-    html.push_str(&format!("<title>{title}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n<main>\n"));
+    html.push_str(&format!(
+        "<title>{title}</title>\n<style>{STYLE}{}</style>\n</head>\n<body>\n<main>\n",
+        viewer::STYLE
+    ));
     html.push_str(&format!("<h1>{title}</h1>\n"));
     html.push_str(&outcome(&directory, &run));
     match draw_from(&directory, options) {
-        Ok(picture) => html.push_str(&format!("<figure class=\"wide\">{picture}</figure>\n")),
+        Ok(picture) => match &run.last_fields {
+            Some(fields) => html.push_str(&viewer::html(&directory, fields, options, &picture)?),
+            None => html.push_str(&format!("<figure class=\"wide\">{picture}</figure>\n")),
+        },
         // Without fields there is no picture, but a requested step or field must exist.
         Err(ReportError::NoFields { .. }) => {}
         Err(error) => return Err(error),
@@ -102,25 +108,7 @@ const HEAD: &str = "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\
                     <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
                     <meta name=\"generator\" content=\"biotissue\">\n";
 
-const STYLE: &str = "\
-body{margin:0;background:#f3f5f7;color:#1b2733;font:15px/1.5 system-ui,-apple-system,'Segoe UI',sans-serif}\
-main{max-width:1280px;margin:0 auto;padding:24px}\
-h1{font-size:28px;margin:0 0 4px}h2{font-size:19px;margin:28px 0 8px}\
-.state{margin:0 0 16px;color:#546e7a}.state.failed{color:#b3261e;font-weight:600}\
-figure{margin:0;background:#fff;border:1px solid #dde3e8;border-radius:8px;overflow:hidden}\
-figure svg{display:block;width:100%;height:auto}\
-figcaption{padding:4px 16px 12px;color:#37474f;font-size:14px}\
-.charts{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(460px,100%),1fr));gap:16px;margin-top:16px}\
-.row{grid-column:1/-1}.words th{white-space:normal}\
-dl{display:flex;flex-wrap:wrap;gap:8px;margin:16px 0}\
-dl div{flex:1 1 130px;background:#fff;border:1px solid #dde3e8;border-radius:8px;padding:8px 12px}\
-dt{color:#546e7a;font-size:13px}dd{margin:0;font-size:17px;font-weight:600;overflow-wrap:anywhere}\
-.scroll{overflow-x:auto;background:#fff;border:1px solid #dde3e8;border-radius:8px}\
-table{border-collapse:collapse;width:100%;font-size:14px;font-variant-numeric:tabular-nums}\
-th,td{padding:4px 12px;text-align:right;white-space:nowrap}\
-th{border-bottom:1px solid #dde3e8;color:#546e7a;font-weight:600}tbody tr:nth-child(even){background:#f7f9fa}\
-tfoot td{border-top:1px solid #dde3e8;font-weight:600}\
-td.text{text-align:left;white-space:normal}";
+const STYLE: &str = include_str!("page.css");
 
 /// The data shared by the charts, the facts and the table.
 struct Run<'a> {

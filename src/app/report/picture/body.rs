@@ -6,9 +6,9 @@ use std::collections::HashMap;
 use nalgebra::Vector3;
 
 use super::color::shade;
-use super::skin::{BoundaryMesh, lines, normal};
 use super::view::View;
 use super::{Colors, Scene};
+use crate::app::report::skin::{BoundaryMesh, lines, normal};
 use crate::app::report::svg::{Svg, hex};
 use crate::fem::mesh::Elements;
 

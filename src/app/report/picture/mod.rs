@@ -9,9 +9,7 @@ mod body;
 pub(crate) mod color;
 mod legend;
 mod network;
-mod quantity;
-mod skin;
-mod view;
+pub(super) mod view;
 
 pub use self::network::{FiberColor, NetworkPicture, draw_network};
 
@@ -19,12 +17,12 @@ use std::path::Path;
 
 use nalgebra::Vector3;
 
-use self::quantity::Quantity;
-use self::skin::BoundaryMesh;
 use self::view::{Frame, View};
 use super::ReportError;
 use super::directory::Directory;
 use super::extension::deformed;
+use super::quantity::Quantity;
+use super::skin::BoundaryMesh;
 use super::svg::Svg;
 use super::units::significant;
 use crate::app::results::Fields;

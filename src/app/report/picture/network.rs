@@ -11,9 +11,9 @@ use nalgebra::{Matrix3, Vector3};
 use super::body::OUTLINE;
 use super::color::{AXES, mix};
 use super::legend::{self, INK};
-use super::quantity::Quantity;
 use super::view::{Frame, View};
 use super::{Colors, Map};
+use crate::app::report::quantity::Quantity;
 use crate::app::report::svg::{Anchor, Svg, hex};
 
 /// Number of depth layers; each is drawn over those behind it.
@@ -129,7 +129,10 @@ pub fn draw_network(picture: &NetworkPicture) -> String {
 fn colors(color: FiberColor) -> Option<Colors> {
     let FiberColor::Values { label, unit, values, rest } = color else { return None };
     let all: Vec<usize> = (0..values.len()).collect();
-    let mut colors = Colors::new(Quantity { label: label.into(), unit, values: values.into() }, &all);
+    let mut colors = Colors::new(
+        Quantity { name: label.into(), label: label.into(), unit, is_integer: false, values: values.into() },
+        &all,
+    );
     colors.map = Map::Lines;
     if let Some(rest) = rest {
         let (low, high) = colors.range;

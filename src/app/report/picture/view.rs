@@ -14,19 +14,19 @@ fn azimuth(longest: f64, second: f64) -> f64 {
 
 /// The axes of the page as directions in space.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct View {
+pub(in crate::app::report) struct View {
     /// To the right.
-    pub(super) right: Vector3<f64>,
+    pub(in crate::app::report) right: Vector3<f64>,
     /// Up.
-    pub(super) up: Vector3<f64>,
+    pub(in crate::app::report) up: Vector3<f64>,
     /// Out of the page, toward the viewer.
-    pub(super) toward: Vector3<f64>,
+    pub(in crate::app::report) toward: Vector3<f64>,
 }
 
 impl View {
     /// Returns the view for a body with a bounding box of these edges: the longest edge lies across the page, and the
     /// viewer looks along `axis` (0, 1, 2) if given, otherwise along the shortest edge.
-    pub(super) fn of(edges: Vector3<f64>, axis: Option<usize>) -> Self {
+    pub(in crate::app::report) fn of(edges: Vector3<f64>, axis: Option<usize>) -> Self {
         // Edges that differ by less than a tenth count as equal, so that a pulled cube keeps its view.
         let mut order = [0, 1, 2];
         order.sort_by(|&a, &b| {
@@ -48,13 +48,13 @@ impl View {
     }
 
     /// Returns the coordinates of a point on the page (right, up) and its depth (toward the viewer).
-    pub(super) fn project(&self, point: &Vector3<f64>) -> [f64; 3] {
+    pub(in crate::app::report) fn project(&self, point: &Vector3<f64>) -> [f64; 3] {
         [self.right.dot(point), self.up.dot(point), self.toward.dot(point)]
     }
 
     /// Returns the brightness of a face with this normal, at most 1. The light comes from the front, so that the broad
     /// side keeps the colors of the color bar.
-    pub(super) fn light(&self, normal: &Vector3<f64>) -> f64 {
+    pub(in crate::app::report) fn light(&self, normal: &Vector3<f64>) -> f64 {
         let source = (self.toward * 0.9 - self.up * 0.3).normalize();
         let cosine = normal.try_normalize(0.0).map_or(1.0, |normal| normal.dot(&source).max(0.0));
         0.82 + 0.18 * cosine
@@ -63,17 +63,20 @@ impl View {
 
 /// The map from projected coordinates to the page: meters to pixels, with y downward.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Frame {
+pub(in crate::app::report) struct Frame {
     /// Pixels per meter.
-    pub(super) scale: f64,
+    pub(in crate::app::report) scale: f64,
     /// Part of the height of the rectangle that the points do not use, pixels.
-    pub(super) unused_height: f64,
+    pub(in crate::app::report) unused_height: f64,
     offset: [f64; 2],
 }
 
 impl Frame {
     /// Fits projected points into a rectangle (left, top, width, height), centered.
-    pub(super) fn fit(points: impl Iterator<Item = [f64; 3]>, [left, top, width, height]: [f64; 4]) -> Self {
+    pub(in crate::app::report) fn fit(
+        points: impl Iterator<Item = [f64; 3]>,
+        [left, top, width, height]: [f64; 4],
+    ) -> Self {
         let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
         for point in points {
             for k in 0..2 {
@@ -90,7 +93,7 @@ impl Frame {
     }
 
     /// Returns the pixel coordinates of a projected point.
-    pub(super) fn page_position(&self, [across, up, _]: [f64; 3]) -> [f64; 2] {
+    pub(in crate::app::report) fn page_position(&self, [across, up, _]: [f64; 3]) -> [f64; 2] {
         [self.offset[0] + self.scale * across, self.offset[1] - self.scale * up]
     }
 }
