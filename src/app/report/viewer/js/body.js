@@ -22,7 +22,7 @@ class Body {
     for (let e = 0; e < data.meshEdges; e++) meshLines.set(this.edges.subarray(4 * e, 4 * e + 2), 2 * e);
     painter.upload("mesh lines", meshLines, true);
     this.findCreases();
-    this.setStep(data.steps.length - 1);
+    this.setStep(data.start);
   }
 
   // The displacement is drawn like a field; its range is that of all steps.
@@ -38,17 +38,16 @@ class Body {
   }
 
   findCreases() {
-    const normal = (t) => {
-      const [a, b, c] = [0, 1, 2].map((k) => at(this.reference, this.triangles[3 * t + k]));
-      return normalized(cross(subtract(b, a), subtract(c, a)));
-    };
+    const { reference, triangles, edges } = this;
+    this.normals = normalsOf(reference, triangles);
     const creases = [];
-    this.isCrease = new Uint8Array(this.edges.length / 4);
+    this.isCrease = new Uint8Array(edges.length / 4);
     let length = 0;
     for (let e = 0; e < this.isCrease.length; e++) {
-      const [a, b, left, right] = this.edges.subarray(4 * e, 4 * e + 4);
-      length += Math.hypot(...subtract(at(this.reference, a), at(this.reference, b)));
-      if (left === right || dot(normal(left), normal(right)) < CREASE) {
+      const [a, b, left, right] = [edges[4 * e], edges[4 * e + 1], edges[4 * e + 2], edges[4 * e + 3]];
+      length += Math.hypot(...subtract(at(reference, a), at(reference, b)));
+      const [m, n] = [at(this.normals, left), at(this.normals, right)];
+      if (left === right || dot(m, n) < CREASE * Math.sqrt(dot(m, m) * dot(n, n))) {
         this.isCrease[e] = 1;
         creases.push(a, b);
       }
@@ -70,10 +69,12 @@ class Body {
   setStep(step) {
     this.step = step;
     this.displacement = this.decode(`${step} u`, this.data.steps[step].displacement);
-    this.current = this.reference.map((x, k) => x + this.displacement[k]);
+    this.current = new Float32Array(this.reference.length);
+    for (let k = 0; k < this.current.length; k++) this.current[k] = this.reference[k] + this.displacement[k];
     this.painter.upload("vertices", this.current);
-    const corners = new Float32Array(3 * this.triangles.length);
-    this.triangles.forEach((vertex, k) => corners.set(this.current.subarray(3 * vertex, 3 * vertex + 3), 3 * k));
+    const { current, triangles } = this;
+    const corners = new Float32Array(3 * triangles.length);
+    for (let k = 0; k < triangles.length; k++) for (let c = 0; c < 3; c++) corners[3 * k + c] = current[3 * triangles[k] + c];
     this.painter.upload("corners", corners);
     this.setField(this.field || 0);
   }
@@ -88,8 +89,10 @@ class Body {
     } else {
       this.values = this.decode(`${this.step} ${field}`, this.data.steps[this.step].values[field]);
     }
-    const value = ofElements ? (k) => this.values[this.behind[(k / 3) | 0]] : (k) => this.values[this.triangles[k]];
-    this.painter.upload("corner values", Float32Array.from(this.triangles, (_, k) => value(k)));
+    const { triangles, behind, values } = this;
+    const ofCorners = new Float32Array(triangles.length);
+    for (let k = 0; k < ofCorners.length; k++) ofCorners[k] = ofElements ? values[behind[(k / 3) | 0]] : values[triangles[k]];
+    this.painter.upload("corner values", ofCorners);
     this.cutBody();
   }
 
@@ -116,12 +119,10 @@ class Body {
 
   // The silhouette and the creases of the undeformed body that are not behind it.
   outline(camera) {
-    const { reference, triangles, edges } = this;
-    const faces = new Uint8Array(triangles.length / 3);
-    for (let t = 0; t < faces.length; t++) {
-      const [a, b, c] = [0, 1, 2].map((k) => at(reference, triangles[3 * t + k]));
-      faces[t] = dot(cross(subtract(b, a), subtract(c, a)), camera.toward) > 0 ? 1 : 0;
-    }
+    const { reference, edges, normals } = this;
+    const [x, y, z] = camera.toward;
+    const faces = new Uint8Array(normals.length / 3);
+    for (let t = 0; t < faces.length; t++) faces[t] = normals[3 * t] * x + normals[3 * t + 1] * y + normals[3 * t + 2] * z > 0 ? 1 : 0;
     const lines = [];
     for (let e = 0; e < this.isCrease.length; e++) {
       const [left, right] = [faces[edges[4 * e + 2]], faces[edges[4 * e + 3]]];
@@ -130,8 +131,8 @@ class Body {
     return new Float32Array(lines);
   }
 
-  // The fiber directions on the visible side, seven numbers for each.
-  fiberLines(camera) {
+  // The fiber directions on the visible side, seven numbers for each; of many on few pixels every `stride`-th one.
+  fiberLines(camera, stride) {
     const directions = this.data.steps[this.step].directions;
     if (!directions) return new Float32Array(0);
     const codes = new Int8Array(bytesOf(directions).buffer);
@@ -139,9 +140,9 @@ class Body {
     this.glyphs.forEach((t, k) => {
       const [a, b, c] = [0, 1, 2].map((corner) => at(this.current, this.triangles[3 * t + corner]));
       const direction = [codes[3 * k], codes[3 * k + 1], codes[3 * k + 2]];
-      if (dot(cross(subtract(b, a), subtract(c, a)), camera.toward) <= 0 || !direction.some((x) => x)) return;
+      if (k % stride || dot(cross(subtract(b, a), subtract(c, a)), camera.toward) <= 0 || !direction.some((x) => x)) return;
       const middle = scale(add(add(a, b), c), 1 / 3);
-      const half = scale(direction, this.data.glyphLength / 254);
+      const half = scale(direction, (this.data.glyphLength * Math.sqrt(stride)) / 254);
       lines.push(...subtract(middle, half), ...add(middle, half), 0);
     });
     return new Float32Array(lines);
@@ -193,7 +194,8 @@ class Body {
     }
     indexed("creases", this.creaseCount, inkOf(0.8));
     if (this.shows.fibers && this.glyphs.length) {
-      const lines = this.fiberLines(camera);
+      const pixels = ((this.data.glyphLength / camera.half) * painter.canvas.clientHeight) / 2;
+      const lines = this.fiberLines(camera, Math.max(1, Math.round((9 / pixels) ** 2)));
       painter.upload("fibers", lines);
       const shared = { view, clip, size: [painter.canvas.width, painter.canvas.height], fade: [0, 0, 0, 0], range: [0, 1] };
       const lift = (0.6 * this.data.glyphLength) / (1.1 * camera.radius);

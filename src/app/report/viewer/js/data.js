@@ -1,6 +1,11 @@
 // The numbers of the page: base64 of unsigned integers, and of real numbers rounded to 16 bits (see pack.rs).
 
-const bytesOf = (text) => Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+function bytesOf(text) {
+  const letters = atob(text);
+  const bytes = new Uint8Array(letters.length);
+  for (let k = 0; k < bytes.length; k++) bytes[k] = letters.charCodeAt(k);
+  return bytes;
+}
 const integersOf = (text) => new Uint32Array(bytesOf(text).buffer);
 
 // The code of a missing number, and the number that the shaders draw in gray.
@@ -16,6 +21,28 @@ function unpack({ low, high, data }) {
     numbers[k] = codes[k] === MISSING_CODE ? MISSING : low[c] + ((high[c] - low[c]) * codes[k]) / (MISSING_CODE - 1);
   }
   return numbers;
+}
+
+// The normals of triangles, as long as twice their areas.
+function normalsOf(points, triangles) {
+  const normals = new Float64Array(triangles.length);
+  for (let t = 0; t < triangles.length; t += 3) {
+    const [a, b, c] = [3 * triangles[t], 3 * triangles[t + 1], 3 * triangles[t + 2]];
+    const bx = points[b] - points[a], by = points[b + 1] - points[a + 1], bz = points[b + 2] - points[a + 2];
+    const cx = points[c] - points[a], cy = points[c + 1] - points[a + 1], cz = points[c + 2] - points[a + 2];
+    normals[t] = by * cz - bz * cy;
+    normals[t + 1] = bz * cx - bx * cz;
+    normals[t + 2] = bx * cy - by * cx;
+  }
+  return normals;
+}
+
+// Joins two lists of numbers.
+function joined(first, second) {
+  const all = new Float32Array(first.length + second.length);
+  all.set(first);
+  all.set(second, first.length);
+  return all;
 }
 
 // Three significant digits, as in the tables of the page.

@@ -62,7 +62,7 @@ class Networks {
   }
 
   allPoints() {
-    return Float32Array.from(this.sides.flatMap((side) => [...side.nodes, ...side.cube]));
+    return this.sides.reduce((all, side) => joined(all, joined(side.nodes, side.cube)), new Float32Array(0));
   }
 
   draw(camera, theme) {

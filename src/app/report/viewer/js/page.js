@@ -98,7 +98,7 @@ function startBody(networks) {
   const camera = new Camera(data.view, data.center, data.radius);
   const ranges = body.fields.map(({ range }) => [...range]);
   const [fieldChoice, slider, clipAxis, clipPlace] = ["field", "step", "clip", "clip-place"].map(element);
-  const fit = () => camera.fit(Float32Array.of(...body.reference, ...body.current), canvas.clientWidth / canvas.clientHeight);
+  const fit = () => camera.fit(joined(body.reference, body.current), canvas.clientWidth / canvas.clientHeight);
   const look = (show) => (show(), fit(), draw());
   const reset = () => (camera.show(data.view), fit());
   const draw = onNextFrame(() => {
@@ -112,8 +112,9 @@ function startBody(networks) {
     const field = body.fields[body.field];
     const [low, high] = ranges[body.field].map((x) => x * field.factor);
     element("bar-label").textContent = field.unit ? `${field.label} in ${field.unit}` : field.label;
-    element("low").value = digits(low);
-    element("high").value = digits(high);
+    const text = field.of_elements ? String : digits;
+    element("low").value = text(low);
+    element("high").value = text(high);
     const [least, most] = field.extremes.map((x) => x * field.factor);
     const isCut = least < low - 1e-6 * (high - low) || most > high + 1e-6 * (high - low);
     element("bar-note").textContent = isCut ? `all steps: ${digits(least)} to ${digits(most)} ${field.unit}` : "the same colors at all steps";
@@ -182,9 +183,10 @@ function startBody(networks) {
   const describe = (x, y) => {
     const found = pointUnder(body, camera, x, y, canvas.clientWidth / canvas.clientHeight);
     if (!found) return "";
-    const { label, unit, factor } = body.fields[body.field];
+    const { label, unit, factor, of_elements: ofElements } = body.fields[body.field];
     const place = (p) => p.map((x) => digits(x * data.length.factor)).join(", ");
-    const lines = [`${label}: ${digits(found.value * factor)} ${unit}`];
+    const value = ofElements ? found.value : digits(found.value * factor);
+    const lines = [`${label}: ${value} ${unit}`];
     if (!data.renumbered) lines.push(`element ${body.elements[found.element]}`);
     lines.push(`position ${place(found.point)} ${data.length.unit}`);
     if (found.displacement) lines.push(`displacement ${place(found.displacement)} ${data.length.unit}`);
@@ -219,7 +221,7 @@ function startBody(networks) {
   const report = { body, camera, networks, frames: 0, setField, setStep, describe };
   camera.show(data.view);
   // The canvas is as high as the body needs.
-  const shape = camera.fit(Float32Array.of(...body.reference, ...body.current), 1);
+  const shape = camera.fit(joined(body.reference, body.current), 1);
   const height = Math.max(260, Math.min(0.92 * shape * canvas.clientWidth + 40, 620, 1.1 * canvas.clientWidth));
   canvas.style.height = `${Math.round(height)}px`;
   fit();
