@@ -7,6 +7,7 @@ pub mod charts;
 pub mod directory;
 mod error;
 pub mod extension;
+mod nodal;
 pub mod page;
 pub mod picture;
 mod quantity;

@@ -6,13 +6,14 @@ use std::path::{Path, PathBuf};
 use super::directory::{Directory, Increment};
 use super::extension::Extension;
 use super::picture::{PictureOptions, draw_from};
-use super::units::{escape, quantity, significant};
+use super::units::{escape, prefix, quantity, significant};
 use super::{ReportError, charts, viewer};
 use crate::app::results::{Fields, ResultsError, is_report};
 use crate::output;
 
 mod figures;
 mod ranks;
+mod values;
 
 pub use crate::app::results::REPORT_FILE;
 pub use figures::Figure;
@@ -68,6 +69,7 @@ pub fn page(dir: &Path, options: &PictureOptions) -> Result<String, ReportError>
     html.push_str("<section class=\"charts\">\n");
     figures::all(&run).for_each(|chart| html.push_str(&figure(&chart)));
     html.push_str("</section>\n");
+    html.push_str(&values::table(&run));
     html.push_str(&ranks(&directory));
     html.push_str(&table(&directory, &run));
     html.push_str("</main>\n</body>\n</html>\n");
@@ -162,6 +164,12 @@ impl<'a> Run<'a> {
         (0..surfaces).filter(|&surface| largest > 0.0 && most(surface) > 1e-3 * largest).collect()
     }
 
+    /// Returns the power of ten and the prefix of the unit of all forces of the page.
+    fn force_prefix(&self) -> (f64, &'static str) {
+        let of = |surface| self.increments.iter().filter_map(move |increment| self.force_of(increment, surface));
+        prefix(self.loaded_surfaces().into_iter().flat_map(of).map(f64::abs).fold(0.0, f64::max))
+    }
+
     fn surface_name(&self, surface: usize) -> &str {
         self.directory.loads.as_ref().and_then(|loads| loads.names.surfaces.get(surface)).map_or("", String::as_str)
     }
@@ -251,7 +259,8 @@ fn table(directory: &Directory, run: &Run) -> String {
         head.push(format!("{}, {}", run.extension_name(), run.extension_unit()));
     }
     let axis = ["x", "y", "z"][run.axis()];
-    head.extend(surfaces.iter().map(|&surface| format!("force {axis} on {}, N", run.surface_name(surface))));
+    let (power, unit) = run.force_prefix();
+    head.extend(surfaces.iter().map(|&surface| format!("force {axis} on {}, {unit}N", run.surface_name(surface))));
     if with_log {
         head.extend(["Newton iterations", "relative residual", "cuts", "seconds"].map(str::to_owned));
     }
@@ -269,7 +278,9 @@ fn table(directory: &Directory, run: &Run) -> String {
         if run.extension.is_some() {
             cells.push(number(run.extension_of(increment)));
         }
-        cells.extend(surfaces.iter().map(|&surface| number(run.force_of(increment, surface))));
+        cells.extend(
+            surfaces.iter().map(|&surface| number(run.force_of(increment, surface).map(|force| force / power))),
+        );
         let newton = increment.log.map(|log| &log.newton);
         if with_log {
             cells.push(newton.map_or_else(String::new, |newton| newton.iterations.to_string()));

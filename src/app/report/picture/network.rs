@@ -75,7 +75,7 @@ struct Piece {
 pub fn draw_network(picture: &NetworkPicture) -> String {
     let width = f64::from(picture.width.max(480));
     let height = (0.92 * width + 100.0).round();
-    let view = View::of(Vector3::from_element(1.0), picture.axis);
+    let view = View::of(Vector3::from_element(1.0), picture.axis, None);
     let corners = |f: &Matrix3<f64>| -> [Vector3<f64>; 8] {
         std::array::from_fn(|k| f * Vector3::from([k & 1, k >> 1 & 1, k >> 2].map(|x| x as f64 - 0.5)))
     };
@@ -290,7 +290,7 @@ mod tests {
     fn the_hidden_edges_meet_at_the_farthest_corner() {
         let corners: [Vector3<f64>; 8] =
             std::array::from_fn(|k| Vector3::from([k & 1, k >> 1 & 1, k >> 2].map(|x| x as f64 - 0.5)));
-        let view = View::of(Vector3::from_element(1.0), None);
+        let view = View::of(Vector3::from_element(1.0), None, None);
         let edges = Edges::of(&corners, &view);
         assert_eq!((edges.hidden.len(), edges.visible.len()), (3, 9));
         let common = (0..8).filter(|corner| edges.hidden.iter().all(|edge| edge.contains(corner))).collect::<Vec<_>>();

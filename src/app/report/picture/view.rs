@@ -25,8 +25,12 @@ pub(in crate::app::report) struct View {
 
 impl View {
     /// Returns the view for a body with a bounding box of these edges: the longest edge lies across the page, and the
-    /// viewer looks along `axis` (0, 1, 2) if given, otherwise along the shortest edge.
-    pub(in crate::app::report) fn of(edges: Vector3<f64>, axis: Option<usize>) -> Self {
+    /// viewer looks along `axis` (0, 1, 2) if given, otherwise along the shortest edge. A direction `toward` the viewer,
+    /// if given, replaces both: z points up the page, or y if the viewer looks along z.
+    pub(in crate::app::report) fn of(edges: Vector3<f64>, axis: Option<usize>, toward: Option<[f64; 3]>) -> Self {
+        if let Some(toward) = toward.and_then(|toward| Vector3::from(toward).try_normalize(0.0)) {
+            return Self::from_direction(toward);
+        }
         // Edges that differ by less than a tenth count as equal, so that a pulled cube keeps its view.
         let mut order = [0, 1, 2];
         order.sort_by(|&a, &b| {
@@ -44,6 +48,12 @@ impl View {
         let level = across * sin + outward * cos;
         let (sin, cos) = ELEVATION.sin_cos();
         let toward = level * cos + upward * sin;
+        Self { right, up: toward.cross(&right), toward }
+    }
+
+    fn from_direction(toward: Vector3<f64>) -> Self {
+        let vertical = if toward.z.abs() > 0.99 { Vector3::y() } else { Vector3::z() };
+        let right = vertical.cross(&toward).normalize();
         Self { right, up: toward.cross(&right), toward }
     }
 
@@ -66,6 +76,8 @@ impl View {
 pub(in crate::app::report) struct Frame {
     /// Pixels per meter.
     pub(in crate::app::report) scale: f64,
+    /// Part of the width of the rectangle that the points do not use, pixels.
+    pub(in crate::app::report) unused_width: f64,
     /// Part of the height of the rectangle that the points do not use, pixels.
     pub(in crate::app::report) unused_height: f64,
     offset: [f64; 2],
@@ -89,7 +101,8 @@ impl Frame {
         let scale = if scale.is_finite() && scale > 0.0 { scale } else { 1.0 };
         let middle = [(low[0] + high[0]) / 2.0, (low[1] + high[1]) / 2.0];
         let offset = [left + width / 2.0 - scale * middle[0], top + height / 2.0 + scale * middle[1]];
-        Self { scale, unused_height: (height - scale * span[1]).max(0.0), offset }
+        let unused = |room: f64, span: f64| (room - scale * span).max(0.0);
+        Self { scale, unused_width: unused(width, span[0]), unused_height: unused(height, span[1]), offset }
     }
 
     /// Returns the pixel coordinates of a projected point.
@@ -105,7 +118,7 @@ mod tests {
     #[test]
     fn the_page_is_right_handed_and_the_longest_edge_lies_across() {
         for (edges, axis) in [([5.0, 1.0, 0.2], None), ([0.2, 1.0, 5.0], None), ([1.0, 1.0, 1.0], Some(1))] {
-            let view = View::of(edges.into(), axis);
+            let view = View::of(edges.into(), axis, None);
             assert!((view.right.cross(&view.up) - view.toward).norm() < 1e-15);
             let longest = (0..3).max_by(|&a, &b| f64::total_cmp(&edges[a], &edges[b])).unwrap();
             if axis.is_none() {
@@ -113,6 +126,15 @@ mod tests {
             }
             assert!(view.up.iter().any(|&part| part > 0.75) && view.toward.iter().any(|part| part.abs() > 0.75));
         }
+    }
+
+    #[test]
+    fn a_direction_chooses_the_view() {
+        let view = View::of([5.0, 1.0, 0.2].into(), Some(2), Some([2.0, 0.0, 0.0]));
+        let expected = [Vector3::y(), Vector3::z(), Vector3::x()];
+        assert!([view.right, view.up, view.toward].iter().zip(expected).all(|(a, b)| (a - b).norm() < 1e-15));
+        let above = View::of([1.0; 3].into(), None, Some([0.0, 0.0, 3.0]));
+        assert!((above.up - Vector3::y()).norm() < 1e-15 && (above.right - Vector3::x()).norm() < 1e-15);
     }
 
     #[test]

@@ -137,7 +137,7 @@ fn data(
     let of_rest = self::bounds(rest.iter());
     let [low, high] = [bounds.low, bounds.high].map(Vector3::from);
     let edges = Vector3::from(of_rest.high) - Vector3::from(of_rest.low);
-    let view = View::of(edges, options.axis);
+    let view = View::of(edges, options.axis, options.toward);
     let (power, name) = prefix(edges.max());
     let wanted = options.step.or_else(|| directory.fields.last().and_then(|entry| entry.step()));
     let start = wanted.and_then(|wanted| steps.steps.iter().rposition(|step| step.step == Some(wanted)));

@@ -1,0 +1,69 @@
+//! The table of the values of the elements: mean, median, 95th percentile and extremes.
+
+use std::fmt::Write;
+
+use super::Run;
+use crate::app::report::quantity::Quantity;
+use crate::app::report::units::{escape, prefix, significant};
+
+/// The smallest value, the median, the mean, the 95th percentile and the largest value.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Statistics([f64; 5]);
+
+impl Statistics {
+    /// Returns the statistics of the finite values; `None` if there are none.
+    pub(super) fn of(values: &[f64]) -> Option<Self> {
+        let mut sorted: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
+        sorted.sort_by(f64::total_cmp);
+        let last = sorted.len().checked_sub(1)?;
+        // A percentile between two values is interpolated.
+        let percentile = |part: f64| {
+            let place = part * last as f64;
+            let (lower, upper) = (sorted[place.floor() as usize], sorted[place.ceil() as usize]);
+            lower + (upper - lower) * place.fract()
+        };
+        let mean = sorted.iter().sum::<f64>() / sorted.len() as f64;
+        Some(Self([sorted[0], percentile(0.5), mean, percentile(0.95), sorted[last]]))
+    }
+}
+
+/// Returns the table of the quantities at the last step with fields; those of numbered things, as networks, are omitted.
+pub(super) fn table(run: &Run) -> String {
+    let (Some(fields), Some(entry)) = (&run.last_fields, run.directory.fields.last()) else { return String::new() };
+    let mut rows = String::new();
+    for quantity in Quantity::all(fields) {
+        // Iterations can be averaged; elements without RVE have -1.
+        let is_counted = !quantity.is_integer || quantity.name == "rve_iterations";
+        let values: Vec<f64> = quantity.values.iter().copied().filter(|&x| !quantity.is_integer || x >= 0.0).collect();
+        let Some(Statistics(numbers)) = Statistics::of(&values).filter(|_| is_counted) else { continue };
+        let (power, prefix) =
+            if quantity.unit.is_empty() { (1.0, "") } else { prefix(numbers[0].abs().max(numbers[4].abs())) };
+        let unit = format!("{prefix}{}", quantity.unit);
+        let label = if quantity.unit.is_empty() { quantity.label } else { format!("{} in {unit}", quantity.label) };
+        let cells = numbers.map(|number| significant(number / power));
+        let _ =
+            writeln!(rows, "<tr><td class=\"text\">{}</td><td>{}</td></tr>", escape(&label), cells.join("</td><td>"));
+    }
+    if rows.is_empty() {
+        return String::new();
+    }
+    let of = entry.step().map_or_else(|| "within a step".to_owned(), |step| format!("at step {step}"));
+    format!(
+        "<h2>Values of the elements {of}</h2>\n<div class=\"scroll\"><table class=\"values\"><thead><tr><th></th>\
+         <th>smallest</th><th>median</th><th>mean</th><th>95th percentile</th><th>largest</th></tr></thead>\n<tbody>\n\
+         {rows}</tbody></table></div>\n"
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn percentiles_are_interpolated() {
+        let values: Vec<f64> = (0..=20).rev().map(f64::from).chain([f64::NAN]).collect();
+        assert_eq!(Statistics::of(&values), Some(Statistics([0.0, 10.0, 10.0, 19.0, 20.0])));
+        assert_eq!(Statistics::of(&[1.0, 2.0, 6.0, 9.0]).unwrap().0[1..3], [4.0, 4.5]);
+        assert_eq!(Statistics::of(&[f64::NAN]), None);
+    }
+}
