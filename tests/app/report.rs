@@ -69,7 +69,12 @@ fn a_step_and_a_field_can_be_chosen() {
     assert!(matches!(&error, ReportError::NoStep(11, available) if available.len() == 10), "{error}");
     let missing = PictureOptions { field: Some("stress".into()), ..PictureOptions::default() };
     let error = draw(dir.path(), &missing).unwrap_err().to_string();
-    assert!(error.contains("`stress`") && error.contains("von_mises_stress, fiber_alignment, network"), "{error}");
+    assert!(
+        error.contains("`stress`")
+            && error.contains("von_mises_stress, fiber_alignment, ")
+            && error.contains("cauchy_stress_xy"),
+        "{error}"
+    );
 }
 
 #[test]
@@ -107,7 +112,7 @@ fn the_page_is_complete_and_self_contained() {
     let tables: Vec<&str> = html.split("<table").collect();
     assert_eq!(
         tables[1..].iter().map(|table| table.matches("<tr>").count()).collect::<Vec<_>>(),
-        [1 + 2, 1 + 10, 1 + 1]
+        [1 + 8, 1 + 10, 1 + 1]
     );
     assert!(tables[1].contains("<th>median</th>") && tables[1].contains("von Mises stress in kPa"), "{}", tables[1]);
     let outside = html.replace("http://www.w3.org/2000/svg", "").replace("http://www.w3.org/1999/xlink", "");
@@ -131,7 +136,9 @@ fn the_page_holds_the_surface_and_the_values_of_all_steps() {
     assert_eq!((steps.len(), &data["start"], &steps[3]["step"]), (10, &3.into(), &4.into()));
     let names: Vec<&str> =
         data["fields"].as_array().unwrap().iter().map(|field| field["name"].as_str().unwrap()).collect();
-    assert_eq!(names, ["von_mises_stress", "fiber_alignment", "network"]);
+    let stresses = ["xx", "yy", "zz", "xy", "yz", "xz"].map(|part| format!("cauchy_stress_{part}"));
+    assert_eq!(names[..2], ["von_mises_stress", "fiber_alignment"]);
+    assert_eq!((&names[2..8], names[8]), (&stresses.each_ref().map(String::as_str)[..], "network"));
     // Twelve triangles for each cell on a side, less where sides meet: two for each face of a cell.
     let [nx, ny, nz] = CELLS;
     let triangles = 4 * (nx * ny + ny * nz + nz * nx);
@@ -153,8 +160,8 @@ fn view_and_range_are_options_and_the_canvas_fits_the_body() {
     };
     let along =
         |toward| draw(dir.path(), &PictureOptions { toward: Some(toward), ..PictureOptions::default() }).unwrap();
-    let (side, end) = (along([0.0, -1.0, 0.0]), along([1.0, 0.0, 0.0]));
-    assert_eq!((size(&side)[0], size(&end)[0]), (1200.0, 900.0), "the end of the bar is narrow");
+    let (side, end) = (along([0.0, -1.0, 0.0]), along([1.0, 0.0, 1.0]));
+    assert_eq!((size(&side)[0], size(&end)[0]), (1200.0, 900.0), "the bar is narrow if it is seen from its end");
     let options = PictureOptions { range: Some([0.0, 2.0e6]), ..PictureOptions::default() };
     let svg = draw(dir.path(), &options).unwrap();
     assert!(svg.contains("von Mises stress in MPa") && svg.contains(">2.0<"), "the range is that of the option");

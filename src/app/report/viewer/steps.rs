@@ -140,11 +140,12 @@ fn field(quantity: Quantity, series: &Series) -> Field {
     }
 }
 
-/// Chooses steps, evenly, up to the limits of a page; the last one and the wanted one are always among them.
+/// Chooses steps, evenly, up to the limits of a page; the last one and the wanted one are always among them. Steps whose
+/// files were removed are left out.
 fn choose(directory: &Directory, bytes_per_step: usize, wanted: Option<usize>) -> Vec<Entry> {
-    let all = &directory.fields;
-    let size = |entry: &Entry| fs::metadata(directory.path.join(&entry.file)).map_or(0, |file| file.len());
-    let of_file = all.last().map_or(0, size).max(1);
+    let size = |entry: &Entry| fs::metadata(directory.path.join(&entry.file)).ok().map(|file| file.len());
+    let all: Vec<&Entry> = directory.fields.iter().filter(|entry| size(entry).is_some()).collect();
+    let of_file = all.last().and_then(|entry| size(entry)).unwrap_or(0).max(1);
     let count = MOST_STEPS.min(MOST_BYTES / bytes_per_step.max(1)).min((MOST_READ / of_file) as usize).max(2);
     let wanted = wanted.and_then(|step| all.iter().rposition(|entry| entry.step() == Some(step)));
     let mut places = evenly(all.len(), count);
