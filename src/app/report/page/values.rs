@@ -30,19 +30,27 @@ impl Statistics {
 /// Returns the table of the quantities at the last step with fields; those of numbered things, as networks, are omitted.
 pub(super) fn table(run: &Run) -> String {
     let (Some(fields), Some(entry)) = (&run.last_fields, run.directory.fields.last()) else { return String::new() };
-    let mut rows = String::new();
+    let mut of_quantities = Vec::new();
     for quantity in Quantity::all(fields) {
         // Iterations can be averaged; elements without RVE have -1.
         let is_counted = !quantity.is_integer || quantity.name == "rve_iterations";
         let values: Vec<f64> = quantity.values.iter().copied().filter(|&x| !quantity.is_integer || x >= 0.0).collect();
-        let Some(Statistics(numbers)) = Statistics::of(&values).filter(|_| is_counted) else { continue };
-        let (power, prefix) =
-            if quantity.unit.is_empty() { (1.0, "") } else { prefix(numbers[0].abs().max(numbers[4].abs())) };
-        let unit = format!("{prefix}{}", quantity.unit);
-        let label = if quantity.unit.is_empty() { quantity.label } else { format!("{} in {unit}", quantity.label) };
-        let cells = numbers.map(|number| significant(number / power));
-        let _ =
-            writeln!(rows, "<tr><td class=\"text\">{}</td><td>{}</td></tr>", escape(&label), cells.join("</td><td>"));
+        if let Some(Statistics(numbers)) = Statistics::of(&values).filter(|_| is_counted) {
+            of_quantities.push((quantity.label, quantity.unit, numbers));
+        }
+    }
+    // All quantities of one unit get the same prefix.
+    let scale_of = |unit: &str| {
+        let numbers = of_quantities.iter().filter(|(_, other, _)| *other == unit).flat_map(|(_, _, numbers)| numbers);
+        let largest = numbers.map(|number| number.abs()).fold(0.0, f64::max);
+        if unit.is_empty() { (1.0, "") } else { prefix(largest) }
+    };
+    let mut rows = String::new();
+    for (label, unit, numbers) in &of_quantities {
+        let (power, prefix) = scale_of(unit);
+        let label = if unit.is_empty() { label.clone() } else { format!("{label} in {prefix}{unit}") };
+        let cells = numbers.map(|number| significant(number / power)).join("</td><td>");
+        let _ = writeln!(rows, "<tr><td class=\"text\">{}</td><td>{cells}</td></tr>", escape(&label));
     }
     if rows.is_empty() {
         return String::new();

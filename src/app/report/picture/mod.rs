@@ -77,6 +77,8 @@ struct Colors {
     range: (f64, f64),
     /// The smallest and the largest value drawn.
     extremes: (f64, f64),
+    /// True if the range leaves out the outermost values, rather than being that of an option.
+    is_trimmed: bool,
     map: Map,
 }
 
@@ -97,13 +99,13 @@ impl Colors {
         let values: Vec<f64> = drawn.iter().filter_map(|&element| quantity.values.get(element).copied()).collect();
         let finite = values.iter().copied().filter(|value| value.is_finite());
         let extremes = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), value| (a.min(value), b.max(value)));
-        Self { quantity, range: color::range(&values), extremes, map: Map::Faces }
+        Self { quantity, range: color::range(&values), extremes, is_trimmed: true, map: Map::Faces }
     }
 
     /// Uses this range of values instead.
     fn within(mut self, range: Option<[f64; 2]>) -> Self {
         if let Some([low, high]) = range {
-            self.range = (low, high);
+            (self.range, self.is_trimmed) = ((low, high), false);
         }
         self
     }
