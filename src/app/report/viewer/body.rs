@@ -233,10 +233,25 @@ mod tests {
 
     #[test]
     fn a_fine_surface_is_reduced_and_has_no_inside() {
-        let body = Body::within(&row(100), 100, 10);
-        assert_eq!(body.reduced_from, Some(802));
-        assert!(body.tetrahedra.is_empty() && (20..=100).contains(&body.triangles.len()), "{}", body.triangles.len());
-        assert_eq!(body.triangles.len(), body.behind.len());
+        // A cube of 12 hexahedra along each edge.
+        let points: Vec<[f64; 3]> = (0..13 * 13 * 13).map(|k| [k % 13, k / 13 % 13, k / 169].map(f64::from)).collect();
+        let mut elements = Elements::default();
+        for k in 0..12 * 12 * 12 {
+            let first = k % 12 + 13 * (k / 12 % 12) + 169 * (k / 144);
+            let nodes = [0, 1, 14, 13, 169, 170, 183, 182].map(|offset| first + offset);
+            elements.push(ElementType::Hex8, &nodes);
+        }
+        let fields = Fields { points: points.clone(), elements, ..Fields::default() };
+        let body = Body::within(&fields, 500, 10);
+        assert_eq!(body.reduced_from, Some(6 * 2 * 144));
+        assert!(body.tetrahedra.is_empty() && (100..=500).contains(&body.triangles.len()), "{}", body.triangles.len());
+        assert!(body.triangles.len() == body.behind.len() && body.averages(&[2.0; 1728]).iter().all(|&x| x == 2.0));
+        // The reduced surface is nearly that of the cube, and closed.
+        let at = |vertex: u32| Vector3::from(points[body.nodes[vertex as usize] as usize]);
+        let volume = |t: &[u32; 3]| at(t[0]).dot(&at(t[1]).cross(&at(t[2]))) / 6.0;
+        let volume: f64 = body.triangles.iter().map(volume).sum();
+        assert!((volume / 1728.0 - 1.0).abs() < 0.2, "{volume}");
+        assert!(body.edges.iter().all(|edge| edge[2] != edge[3]));
     }
 
     #[test]
