@@ -22,6 +22,15 @@ all_there() {
     # bindgen finds libclang through ldconfig, in the folder of the system's LLVM, or through LIBCLANG_PATH.
     compgen -G '/usr/lib/llvm-*/lib/libclang*.so*' >/dev/null || ldconfig -p | grep libclang >/dev/null || [ -n "${LIBCLANG_PATH:-}" ]
 }
+as_root=()
+[ "$(id -u)" = 0 ] || as_root=(sudo)
+export DEBIAN_FRONTEND=noninteractive
+
+# A browser for the report page. Some systems have no such package; without a browser, its tests are skipped and listed.
+if ! command -v chromium chromium-browser google-chrome >/dev/null && [ -z "${BIOTISSUE_CHROMIUM:-}" ] && command -v apt-get >/dev/null; then
+    { "${as_root[@]}" apt-get update -q && "${as_root[@]}" apt-get install -y -q --no-install-recommends chromium; } >&2 ||
+        echo "warning: the tests of the report page in a browser are skipped: there is no Chromium" >&2
+fi
 if all_there; then
     exit 0
 fi
@@ -30,8 +39,5 @@ if ! command -v apt-get >/dev/null; then
     echo "  cure: install them with this system's packages; on Debian they are: ${packages[*]}" >&2
     exit 1
 fi
-as_root=()
-[ "$(id -u)" = 0 ] || as_root=(sudo)
-export DEBIAN_FRONTEND=noninteractive
 "${as_root[@]}" apt-get update -q
 "${as_root[@]}" apt-get install -y -q --no-install-recommends "${packages[@]}"

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Runs all tests in one build of the default features, MPI, PETSc and all other backends.
 #
-# Needs Rust and Python. Installs missing tools: MPI, PETSc, a Fortran compiler and valgrind as packages of the system,
+# Needs Rust and Python. Installs missing tools: MPI, PETSc, a Fortran compiler, valgrind and Chromium as packages of the system,
 # and meshio and vtk in a folder of their own. Arguments go to `cargo test`, for example: --test rve -- relaxation
 #
 # Tests of published networks look for them in the folder that BIOTISSUE_NETWORKS names, or in a folder next to this

@@ -105,8 +105,12 @@ impl NetworkFiles {
             let DeformedNetwork { model, positions, stretches, forces } = &deformed;
             let network = &networks[*model];
             let kind: Vec<i64> = network.material_of().iter().map(|&reaction| reaction.into()).collect();
+            let displacements: Vec<[f64; 3]> = (positions.iter().zip(network.nodes()))
+                .map(|(current, reference)| std::array::from_fn(|k| current[k] - reference[k]))
+                .collect();
             let set = NetworkSet {
                 points: positions,
+                displacements: &displacements,
                 fibers: network.fibers(),
                 stretch: stretches,
                 force: forces,

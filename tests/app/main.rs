@@ -16,6 +16,8 @@ mod networks;
 #[path = "../support/skip.rs"]
 mod skip;
 
+#[cfg(unix)]
+mod browser;
 #[cfg(feature = "sparse")]
 mod dogbone;
 mod fiber_types;

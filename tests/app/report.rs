@@ -69,7 +69,12 @@ fn a_step_and_a_field_can_be_chosen() {
     assert!(matches!(&error, ReportError::NoStep(11, available) if available.len() == 10), "{error}");
     let missing = PictureOptions { field: Some("stress".into()), ..PictureOptions::default() };
     let error = draw(dir.path(), &missing).unwrap_err().to_string();
-    assert!(error.contains("`stress`") && error.contains("von_mises_stress, fiber_alignment, network"), "{error}");
+    assert!(
+        error.contains("`stress`")
+            && error.contains("von_mises_stress, fiber_alignment, ")
+            && error.contains("cauchy_stress_xy"),
+        "{error}"
+    );
 }
 
 #[test]
@@ -103,17 +108,74 @@ fn the_page_is_complete_and_self_contained() {
         assert!(html.contains(words), "{words}");
     }
     assert!(!html.contains("force x on sides"), "a surface without load has no column");
-    assert_eq!(html.matches("<svg ").count(), 7);
-    assert_eq!(html.matches("<tr>").count(), 1 + 10 + 1 + 1);
-    let outside = html.replace("http://www.w3.org/2000/svg", "");
-    for link in ["http:", "https:", "url(h", "url(/", "<script", "<link", "@import", " src="] {
+    assert_eq!(html.matches("<svg xmlns").count(), 7);
+    let tables: Vec<&str> = html.split("<table").collect();
+    assert_eq!(
+        tables[1..].iter().map(|table| table.matches("<tr>").count()).collect::<Vec<_>>(),
+        [1 + 8, 1 + 10, 1 + 1]
+    );
+    assert!(tables[1].contains("<th>median</th>") && tables[1].contains("von Mises stress in kPa"), "{}", tables[1]);
+    let outside = html.replace("http://www.w3.org/2000/svg", "").replace("http://www.w3.org/1999/xlink", "");
+    for link in ["http:", "https:", "url(h", "url(/", "<script src", "<link", "@import", " src=", "fetch("] {
         assert!(!outside.contains(link), "{link}");
+    }
+}
+
+/// Returns the numbers of the page in three dimensions.
+fn viewer_data(html: &str) -> serde_json::Value {
+    let (_, rest) = html.split_once("id=\"viewer-data\">").unwrap();
+    serde_json::from_str(rest.split_once("</script>").unwrap().0).unwrap()
+}
+
+#[test]
+fn the_page_holds_the_surface_and_the_values_of_all_steps() {
+    let dir = results();
+    let html = page::page(dir.path(), &PictureOptions { step: Some(4), ..PictureOptions::default() }).unwrap();
+    let data = viewer_data(&html);
+    let steps = data["steps"].as_array().unwrap();
+    assert_eq!((steps.len(), &data["start"], &steps[3]["step"]), (10, &3.into(), &4.into()));
+    let names: Vec<&str> =
+        data["fields"].as_array().unwrap().iter().map(|field| field["name"].as_str().unwrap()).collect();
+    let stresses = ["xx", "yy", "zz", "xy", "yz", "xz"].map(|part| format!("cauchy_stress_{part}"));
+    assert_eq!(names[..2], ["von_mises_stress", "fiber_alignment"]);
+    assert_eq!((&names[2..8], names[8]), (&stresses.each_ref().map(String::as_str)[..], "network"));
+    // Twelve triangles for each cell on a side, less where sides meet: two for each face of a cell.
+    let [nx, ny, nz] = CELLS;
+    let triangles = 4 * (nx * ny + ny * nz + nz * nx);
+    assert_eq!(data["triangles"].as_str().unwrap().len(), (12 * triangles).div_ceil(3) * 4);
+    assert_eq!(data["tetrahedra"].as_str().unwrap().len(), (20 * 6 * nx * ny * nz).div_ceil(3) * 4);
+    let values = |step: usize| steps[step]["values"][0]["high"][0].as_f64().unwrap();
+    let range = &data["fields"][0]["range"];
+    assert!(range[1].as_f64().unwrap() > 0.9 * values(9) && values(9) > values(0), "one range for all steps: {range}");
+    assert!(html.contains("<noscript id=\"still\">") && !html.contains("Reduced surface"));
+}
+
+#[test]
+fn view_and_range_are_options_and_the_canvas_fits_the_body() {
+    let dir = tempfile::tempdir().unwrap();
+    fabricated::write(dir.path(), [6, 6, 12]);
+    let size = |svg: &str| -> [f64; 2] {
+        ["width=\"", "height=\""]
+            .map(|name| svg.split_once(name).unwrap().1.split_once('"').unwrap().0.parse().unwrap())
+    };
+    let along =
+        |toward| draw(dir.path(), &PictureOptions { toward: Some(toward), ..PictureOptions::default() }).unwrap();
+    let (side, end) = (along([0.0, -1.0, 0.0]), along([1.0, 0.0, 1.0]));
+    assert_eq!((size(&side)[0], size(&end)[0]), (1200.0, 900.0), "the bar is narrow if it is seen from its end");
+    let options = PictureOptions { range: Some([0.0, 2.0e6]), ..PictureOptions::default() };
+    let svg = draw(dir.path(), &options).unwrap();
+    assert!(svg.contains("von Mises stress in MPa") && svg.contains(">2.0<"), "the range is that of the option");
+    let done = run(&["report", ".", "--picture", "a.svg", "--view", "-1,0,0", "--range", "-1e3,1e3"], dir.path());
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    for arguments in [["--view", "0,0,0"], ["--view", "1,2"], ["--range", "2,1"], ["--range", "a,b"]] {
+        let failed = run(&["report", ".", arguments[0], arguments[1]], dir.path());
+        assert_eq!(failed.status.code(), Some(2), "{arguments:?}");
     }
 }
 
 #[test]
 fn missing_parts_are_left_out() {
-    let pictures = |dir: &Path| page::page(dir, &PictureOptions::default()).unwrap().matches("<svg ").count();
+    let pictures = |dir: &Path| page::page(dir, &PictureOptions::default()).unwrap().matches("<svg xmlns").count();
     let dir = results();
     fs::remove_file(dir.path().join("fields.pvd")).unwrap();
     assert_eq!(pictures(dir.path()), 6);
@@ -128,7 +190,7 @@ fn missing_parts_are_left_out() {
     let first = log.lines().next().unwrap();
     fs::write(dir.path().join("log.jsonl"), format!("{first}\n")).unwrap();
     let html = page::page(dir.path(), &PictureOptions::default()).unwrap();
-    assert!(html.contains("0 load steps so far") && !html.contains("<table>"));
+    assert!(html.contains("0 load steps so far") && !html.contains("Load steps</h2>"));
 }
 
 #[test]
@@ -169,6 +231,6 @@ fn names_are_escaped_in_page_and_picture() {
     let text = fs::read_to_string(&log).unwrap().replace("Dogbone in tension", "<script>alert(1)</script> & \\\"x\\\"");
     fs::write(&log, text).unwrap();
     let html = page::page(dir.path(), &PictureOptions::default()).unwrap();
-    assert!(!html.contains("<script") && html.contains("&lt;script&gt;"));
+    assert!(!html.contains("<script>alert") && html.contains("&lt;script&gt;alert"));
     assert_well_formed(&draw(dir.path(), &PictureOptions::default()).unwrap());
 }

@@ -139,6 +139,7 @@ fn printed(script: &mut Command) -> Option<String> {
 /// Three fibers with numbers that only a bitwise exact round trip preserves.
 const NETWORK: NetworkSet = NetworkSet {
     points: &[[-0.0, 1e-300, 0.5], [1.0 / 3.0, 0.1, -0.5], [0.7, f64::MIN_POSITIVE, 0.0], [0.25, 0.5, 2.0 / 7.0]],
+    displacements: &[[0.0, -0.0, 1e-9], [0.1 / 3.0, 0.0, 0.0], [-1e-300, 0.2, 0.0], [0.0; 3]],
     fibers: &[[0, 1], [3, 1], [2, 0]],
     stretch: &[1.0 / 3.0, 1.0, 1.0 + f64::EPSILON],
     force: &[-1e-9 / 3.0, 0.0, f64::MAX],
@@ -152,11 +153,12 @@ fn networks_are_read_back_bit_for_bit() {
     assert!(path.ends_with("element-00012-step-00007.vtp"));
     write_vtp(&path, &NETWORK).unwrap();
     let read = read_vtp(&path).unwrap();
-    let NetworkSet { points, fibers, stretch, force, kind } = NETWORK;
+    let NetworkSet { points, displacements, fibers, stretch, force, kind } = NETWORK;
     assert_eq!(
         read,
         Networks {
             points: points.to_vec(),
+            displacements: displacements.to_vec(),
             fibers: fibers.to_vec(),
             stretch: stretch.to_vec(),
             force: force.to_vec(),
@@ -181,6 +183,8 @@ fn networks_with_inconsistent_arrays_are_rejected() {
     let path = dir.path().join("network.vtp");
     let error = write_vtp(&path, &NetworkSet { force: &[1.0], ..NETWORK }).unwrap_err();
     assert!(matches!(&error, ResultsError::Length { name, found: 1, expected: 3, .. } if name == "force"), "{error}");
+    let error = write_vtp(&path, &NetworkSet { displacements: &[[0.0; 3]], ..NETWORK }).unwrap_err();
+    assert!(matches!(&error, ResultsError::Length { found: 1, expected: 4, .. }), "{error}");
     let error = write_vtp(&path, &NetworkSet { fibers: &[[0, 1], [1, 4], [2, 0]], ..NETWORK }).unwrap_err();
     assert!(matches!(error, ResultsError::ElementNode { element: 1, node: 4, nodes: 4, .. }), "{error}");
     assert!(!path.exists());
@@ -198,6 +202,7 @@ fn python_reads_every_number_of_a_network_file() {
     let mut expected = [
         format!("vtk mesh points 3 {}", real(NETWORK.points.as_flattened())),
         format!("vtk mesh elements 2 {}", whole(&fibers)),
+        format!("vtk point displacement 3 {}", real(NETWORK.displacements.as_flattened())),
         format!("vtk cell stretch 1 {}", real(NETWORK.stretch)),
         format!("vtk cell force 1 {}", real(NETWORK.force)),
         format!("vtk cell type 1 {}", whole(NETWORK.kind)),

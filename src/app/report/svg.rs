@@ -25,7 +25,7 @@ impl Svg {
     pub(super) fn new(width: f64, height: f64, label: &str) -> Self {
         let (w, h, label) = (number(width), number(height), escape(label));
         let document = format!(
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{w}\" height=\"{h}\" viewBox=\"0 0 {w} {h}\" role=\"img\" \
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" xmlns:xlink=\"http://www.w3.org/1999/xlink\" width=\"{w}\" height=\"{h}\" viewBox=\"0 0 {w} {h}\" role=\"img\" \
              aria-label=\"{label}\" font-family=\"system-ui, -apple-system, 'Segoe UI', 'Helvetica Neue', Arial, sans-serif\">\n\
              <rect width=\"{w}\" height=\"{h}\" fill=\"#fff\"/>\n"
         );
@@ -93,6 +93,16 @@ impl Svg {
             let _ = write!(self.document, "<stop offset=\"{place}%\" stop-color=\"{}\"/>", hex(color));
         }
         self.document.push_str("</linearGradient>\n");
+    }
+
+    /// Defines a gradient with the colors of another one, between two points of the page.
+    pub(super) fn gradient_like(&mut self, name: &str, colors: &str, [x1, y1]: [f64; 2], [x2, y2]: [f64; 2]) {
+        let [x1, y1, x2, y2] = [x1, y1, x2, y2].map(number);
+        let _ = writeln!(
+            self.document,
+            "<linearGradient id=\"{name}\" xlink:href=\"#{colors}\" gradientUnits=\"userSpaceOnUse\" x1=\"{x1}\" \
+             y1=\"{y1}\" x2=\"{x2}\" y2=\"{y2}\"/>"
+        );
     }
 
     /// Writes a line of text with its baseline at the given position.

@@ -11,11 +11,16 @@ use super::vtk::{array, cells, check_points, encode, groups, read};
 use crate::fem::mesh::IntegrationPoint;
 use crate::output;
 
+/// Name of the array of displacements.
+const DISPLACEMENT: &str = "displacement";
+
 /// A network, borrowed for writing; the fiber arrays have one entry per fiber.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct NetworkSet<'a> {
     /// Positions of the nodes, in units of the unit cube.
     pub points: &'a [[f64; 3]],
+    /// Displacements of the nodes from the undeformed network, in the same units; not written if empty.
+    pub displacements: &'a [[f64; 3]],
     /// The two nodes of every fiber, from 0.
     pub fibers: &'a [[u32; 2]],
     /// Current length divided by reference length.
@@ -31,6 +36,8 @@ pub struct NetworkSet<'a> {
 pub struct Networks {
     /// Positions of the nodes, in units of the unit cube.
     pub points: Vec<[f64; 3]>,
+    /// Displacements of the nodes from the undeformed network, in the same units; empty if the file has none.
+    pub displacements: Vec<[f64; 3]>,
     /// The two nodes of every fiber, each below the number of points.
     pub fibers: Vec<[u32; 2]>,
     /// Current length divided by reference length.
@@ -86,6 +93,9 @@ pub fn write_vtp(path: &Path, network: &NetworkSet) -> Result<(), ResultsError> 
     for (name, found) in lengths {
         ResultsError::check_length(path, name, found, network.fibers.len())?;
     }
+    if !network.displacements.is_empty() {
+        ResultsError::check_length(path, DISPLACEMENT, network.displacements.len(), network.points.len())?;
+    }
     check_points(path, network.fibers.iter().map(<[u32; 2]>::as_slice), network.points.len())?;
     let bytes = encode(path, data_set(network))?;
     output::write(path, &bytes).map_err(ResultsError::write(path))
@@ -101,10 +111,12 @@ fn data_set(network: &NetworkSet) -> DataSet {
         array(DataArray::new("force", 1), network.force),
         array(DataArray::new("type", 1), network.kind),
     ];
+    let displacement = array(DataArray::vectors(DISPLACEMENT), network.displacements.as_flattened());
+    let point = if network.displacements.is_empty() { Vec::new() } else { vec![displacement] };
     DataSet::inline(PolyDataPiece {
         points: network.points.as_flattened().to_vec().into(),
         lines: Some(lines),
-        data: Attributes { point: Vec::new(), cell },
+        data: Attributes { point, cell },
         ..PolyDataPiece::default()
     })
 }
@@ -135,6 +147,13 @@ pub fn read_vtp(path: &Path) -> Result<Networks, ResultsError> {
     let points: Vec<[f64; 3]> = groups(&points);
     let fibers = cells(path, &connectivity, points.len())?;
     let mut network = Networks { points, fibers, ..Networks::default() };
+    for attribute in piece.data.point {
+        if let Attribute::DataArray(array) = attribute
+            && let (DISPLACEMENT, 3, IOBuffer::F64(values)) = (array.name.as_str(), array.elem.num_comp(), array.data)
+        {
+            network.displacements = groups(&values);
+        }
+    }
     for attribute in piece.data.cell {
         let Attribute::DataArray(array) = attribute else { continue };
         match (array.name.as_str(), array.data) {
@@ -147,6 +166,9 @@ pub fn read_vtp(path: &Path) -> Result<Networks, ResultsError> {
     let lengths = [("stretch", network.stretch.len()), ("force", network.force.len()), ("type", network.kind.len())];
     for (name, found) in lengths {
         ResultsError::check_length(path, name, found, network.fibers.len())?;
+    }
+    if !network.displacements.is_empty() {
+        ResultsError::check_length(path, DISPLACEMENT, network.displacements.len(), network.points.len())?;
     }
     Ok(network)
 }

@@ -22,7 +22,7 @@ pub struct ReportCommand {
     #[arg(long, value_name = "FILE.svg", conflicts_with = "output")]
     picture: Option<PathBuf>,
     /// Write only the charts of the page, each as an SVG file, to this folder
-    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["output", "picture", "step", "field", "axis"])]
+    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["output", "picture", "step", "field", "axis", "view", "range"])]
     charts: Option<PathBuf>,
     /// Draw this load step [default: the last one with fields]
     #[arg(long, value_name = "N", value_parser = count, allow_hyphen_values = true)]
@@ -33,6 +33,12 @@ pub struct ReportCommand {
     /// Look along this axis [default: the shortest edge of the body]
     #[arg(long, value_enum)]
     axis: Option<Axis>,
+    /// Look from this direction, from the body to the viewer, with z upward [example: 1,-2,1]
+    #[arg(long, value_name = "X,Y,Z", value_parser = numbers::<3>, allow_hyphen_values = true, conflicts_with = "axis")]
+    view: Option<[f64; 3]>,
+    /// Values at the ends of the colors of the picture, in the SI unit of the field [default: those of the elements drawn]
+    #[arg(long, value_name = "LOW,HIGH", value_parser = numbers::<2>, allow_hyphen_values = true)]
+    range: Option<[f64; 2]>,
     /// Write the page to this file [default: DIR/report.html]
     #[arg(short, long, value_name = "FILE.html")]
     output: Option<PathBuf>,
@@ -48,9 +54,17 @@ pub enum Axis {
 
 /// Runs the command and prints the paths of the written files.
 pub fn run(command: &ReportCommand) -> Result<(), Failure> {
-    let ReportCommand { dir, picture, charts, step, field, axis, output: page_file } = command;
+    let ReportCommand { dir, picture, charts, step, field, axis, view, range, output: page_file } = command;
     let axis = axis.map(|axis| axis as usize);
-    let options = PictureOptions { step: *step, field: field.clone(), axis, ..PictureOptions::default() };
+    check_view_and_range(*view, *range)?;
+    let options = PictureOptions {
+        step: *step,
+        field: field.clone(),
+        axis,
+        toward: *view,
+        range: *range,
+        ..PictureOptions::default()
+    };
     let failure = |error| failure(dir, error);
     if let Some(folder) = charts {
         return write_charts(folder, &page::charts(dir).map_err(failure)?);
@@ -65,6 +79,28 @@ pub fn run(command: &ReportCommand) -> Result<(), Failure> {
         None => page::write(dir, page_file.as_deref(), &options).map_err(failure)?,
     };
     output::print(&written.display().to_string())
+}
+
+/// Parses `N` numbers with commas between them.
+fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
+    let parsed: Option<Vec<f64>> = text.split(',').map(|number| number.trim().parse().ok()).collect();
+    let numbers = parsed.and_then(|numbers| <[f64; N]>::try_from(numbers).ok());
+    let finite = numbers.filter(|numbers| numbers.iter().all(|number| number.is_finite()));
+    finite.ok_or_else(|| format!("expected {N} numbers with commas between them"))
+}
+
+fn check_view_and_range(view: Option<[f64; 3]>, range: Option<[f64; 2]>) -> Result<(), Failure> {
+    if view == Some([0.0; 3]) {
+        let cure = "name the direction in which the viewer is, as in --view 1,-2,1";
+        return Err(Failure::arguments("invalid --view 0,0,0", "a direction", cure));
+    }
+    match range {
+        Some([low, high]) if low >= high => {
+            let what = format!("invalid --range {low},{high}");
+            Err(Failure::arguments(what, "a lower value, then a higher one", "exchange the two values"))
+        }
+        _ => Ok(()),
+    }
 }
 
 /// Writes each chart to a file of its name and prints the paths.

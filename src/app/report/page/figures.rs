@@ -97,15 +97,14 @@ fn force(run: &Run) -> Option<Figure> {
     if surfaces.is_empty() || run.extension.is_none() {
         return None;
     }
+    let (power, prefix) = run.force_prefix();
     let of_surface = |surface: usize| Line {
         name: run.surface_name(surface).to_owned(),
         // Every curve starts at the origin, which is the undeformed body.
         points: std::iter::once((0.0, 0.0))
-            .chain(
-                run.increments
-                    .iter()
-                    .filter_map(|increment| Some((run.extension_of(increment)?, run.force_of(increment, surface)?))),
-            )
+            .chain(run.increments.iter().filter_map(|increment| {
+                Some((run.extension_of(increment)?, run.force_of(increment, surface)? / power))
+            }))
             .collect(),
     };
     let all: Vec<Line> = surfaces.into_iter().map(of_surface).collect();
@@ -113,7 +112,7 @@ fn force(run: &Run) -> Option<Figure> {
     let labels = Labels {
         chart: "force against extension",
         x: &format!("{} in {}", run.extension_name(), run.extension_unit()),
-        y: &format!("force along {axis} in N"),
+        y: &format!("force along {axis} in {prefix}N"),
     };
     let measure = match run.extension_unit() {
         "%" => "of mean surface displacements over the length of the body",

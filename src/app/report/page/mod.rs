@@ -6,13 +6,14 @@ use std::path::{Path, PathBuf};
 use super::directory::{Directory, Increment};
 use super::extension::Extension;
 use super::picture::{PictureOptions, draw_from};
-use super::units::{escape, quantity, significant};
-use super::{ReportError, charts};
+use super::units::{escape, prefix, quantity, significant};
+use super::{ReportError, charts, viewer};
 use crate::app::results::{Fields, ResultsError, is_report};
 use crate::output;
 
 mod figures;
 mod ranks;
+mod values;
 
 pub use crate::app::results::REPORT_FILE;
 pub use figures::Figure;
@@ -49,11 +50,17 @@ pub fn page(dir: &Path, options: &PictureOptions) -> Result<String, ReportError>
     let run = Run::of(&directory)?;
     let mut html = String::from(HEAD);
     let title = escape(&directory.title());
-    html.push_str(&format!("<title>{title}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n<main>\n"));
+    html.push_str(&format!(
+        "<title>{title}</title>\n<style>{STYLE}{}</style>\n</head>\n<body>\n<main>\n",
+        viewer::STYLE
+    ));
     html.push_str(&format!("<h1>{title}</h1>\n"));
     html.push_str(&outcome(&directory, &run));
     match draw_from(&directory, options) {
-        Ok(picture) => html.push_str(&format!("<figure class=\"wide\">{picture}</figure>\n")),
+        Ok(picture) => match &run.last_fields {
+            Some(fields) => html.push_str(&viewer::html(&directory, fields, options, &picture)?),
+            None => html.push_str(&format!("<figure class=\"wide\">{picture}</figure>\n")),
+        },
         // Without fields there is no picture, but a requested step or field must exist.
         Err(ReportError::NoFields { .. }) => {}
         Err(error) => return Err(error),
@@ -62,6 +69,7 @@ pub fn page(dir: &Path, options: &PictureOptions) -> Result<String, ReportError>
     html.push_str("<section class=\"charts\">\n");
     figures::all(&run).for_each(|chart| html.push_str(&figure(&chart)));
     html.push_str("</section>\n");
+    html.push_str(&values::table(&run));
     html.push_str(&ranks(&directory));
     html.push_str(&table(&directory, &run));
     html.push_str("</main>\n</body>\n</html>\n");
@@ -102,25 +110,7 @@ const HEAD: &str = "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\
                     <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
                     <meta name=\"generator\" content=\"biotissue\">\n";
 
-const STYLE: &str = "\
-body{margin:0;background:#f3f5f7;color:#1b2733;font:15px/1.5 system-ui,-apple-system,'Segoe UI',sans-serif}\
-main{max-width:1280px;margin:0 auto;padding:24px}\
-h1{font-size:28px;margin:0 0 4px}h2{font-size:19px;margin:28px 0 8px}\
-.state{margin:0 0 16px;color:#546e7a}.state.failed{color:#b3261e;font-weight:600}\
-figure{margin:0;background:#fff;border:1px solid #dde3e8;border-radius:8px;overflow:hidden}\
-figure svg{display:block;width:100%;height:auto}\
-figcaption{padding:4px 16px 12px;color:#37474f;font-size:14px}\
-.charts{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(460px,100%),1fr));gap:16px;margin-top:16px}\
-.row{grid-column:1/-1}.words th{white-space:normal}\
-dl{display:flex;flex-wrap:wrap;gap:8px;margin:16px 0}\
-dl div{flex:1 1 130px;background:#fff;border:1px solid #dde3e8;border-radius:8px;padding:8px 12px}\
-dt{color:#546e7a;font-size:13px}dd{margin:0;font-size:17px;font-weight:600;overflow-wrap:anywhere}\
-.scroll{overflow-x:auto;background:#fff;border:1px solid #dde3e8;border-radius:8px}\
-table{border-collapse:collapse;width:100%;font-size:14px;font-variant-numeric:tabular-nums}\
-th,td{padding:4px 12px;text-align:right;white-space:nowrap}\
-th{border-bottom:1px solid #dde3e8;color:#546e7a;font-weight:600}tbody tr:nth-child(even){background:#f7f9fa}\
-tfoot td{border-top:1px solid #dde3e8;font-weight:600}\
-td.text{text-align:left;white-space:normal}";
+const STYLE: &str = include_str!("page.css");
 
 /// The data shared by the charts, the facts and the table.
 struct Run<'a> {
@@ -172,6 +162,12 @@ impl<'a> Run<'a> {
         };
         let largest = (0..surfaces).map(most).fold(0.0, f64::max);
         (0..surfaces).filter(|&surface| largest > 0.0 && most(surface) > 1e-3 * largest).collect()
+    }
+
+    /// Returns the power of ten and the prefix of the unit of all forces of the page.
+    fn force_prefix(&self) -> (f64, &'static str) {
+        let of = |surface| self.increments.iter().filter_map(move |increment| self.force_of(increment, surface));
+        prefix(self.loaded_surfaces().into_iter().flat_map(of).map(f64::abs).fold(0.0, f64::max))
     }
 
     fn surface_name(&self, surface: usize) -> &str {
@@ -263,7 +259,8 @@ fn table(directory: &Directory, run: &Run) -> String {
         head.push(format!("{}, {}", run.extension_name(), run.extension_unit()));
     }
     let axis = ["x", "y", "z"][run.axis()];
-    head.extend(surfaces.iter().map(|&surface| format!("force {axis} on {}, N", run.surface_name(surface))));
+    let (power, unit) = run.force_prefix();
+    head.extend(surfaces.iter().map(|&surface| format!("force {axis} on {}, {unit}N", run.surface_name(surface))));
     if with_log {
         head.extend(["Newton iterations", "relative residual", "cuts", "seconds"].map(str::to_owned));
     }
@@ -281,7 +278,9 @@ fn table(directory: &Directory, run: &Run) -> String {
         if run.extension.is_some() {
             cells.push(number(run.extension_of(increment)));
         }
-        cells.extend(surfaces.iter().map(|&surface| number(run.force_of(increment, surface))));
+        cells.extend(
+            surfaces.iter().map(|&surface| number(run.force_of(increment, surface).map(|force| force / power))),
+        );
         let newton = increment.log.map(|log| &log.newton);
         if with_log {
             cells.push(newton.map_or_else(String::new, |newton| newton.iterations.to_string()));

@@ -54,7 +54,7 @@ pub(super) fn shade(color: [u8; 3], light: f64) -> [u8; 3] {
 
 /// Returns the numbers at the ends of the color map: the range of all finite values, or, if a few outliers would leave
 /// the others with one color, the range from the 1st to the 99th percentile.
-pub(super) fn range(values: &[f64]) -> (f64, f64) {
+pub(crate) fn range(values: &[f64]) -> (f64, f64) {
     let mut sorted: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
     sorted.sort_by(f64::total_cmp);
     let (Some(&low), Some(&high)) = (sorted.first(), sorted.last()) else { return (0.0, 1.0) };

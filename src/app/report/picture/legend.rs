@@ -41,7 +41,8 @@ pub(super) fn color_bar(svg: &mut Svg, colors: &Colors, [right, top]: [f64; 2]) 
     let (least, most) = colors.extremes;
     if least < low || most > high {
         let words = format!(
-            "without the outermost 1 %; all: {} to {}",
+            "{}all: {} to {}",
+            if colors.is_trimmed { "without the outermost 1 %; " } else { "" },
             quantity(least, colors.quantity.unit),
             quantity(most, colors.quantity.unit)
         );

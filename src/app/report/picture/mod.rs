@@ -7,11 +7,10 @@
 
 mod body;
 pub(crate) mod color;
+mod faces;
 mod legend;
 mod network;
-mod quantity;
-mod skin;
-mod view;
+pub(super) mod view;
 
 pub use self::network::{FiberColor, NetworkPicture, draw_network};
 
@@ -19,16 +18,21 @@ use std::path::Path;
 
 use nalgebra::Vector3;
 
-use self::quantity::Quantity;
-use self::skin::BoundaryMesh;
 use self::view::{Frame, View};
 use super::ReportError;
 use super::directory::Directory;
 use super::extension::deformed;
+use super::nodal::NodalAverages;
+use super::quantity::Quantity;
+use super::skin::BoundaryMesh;
 use super::svg::Svg;
 use super::units::significant;
 use crate::app::results::Fields;
 use crate::app::results::collection::Entry;
+
+/// Width of the legend below a body, with and without the meaning of the fiber lines, pixels.
+const LEGEND_WITH_FIBERS: f64 = 900.0;
+const LEGEND: f64 = 720.0;
 
 /// The content and the size of a picture.
 #[derive(Clone, Debug, PartialEq)]
@@ -39,7 +43,11 @@ pub struct PictureOptions {
     pub field: Option<String>,
     /// The viewing axis: 0, 1, 2 for x, y, z; if `None`, the shortest edge of the body.
     pub axis: Option<usize>,
-    /// Width, pixels.
+    /// The direction from the body to the viewer; it replaces `axis`.
+    pub toward: Option<[f64; 3]>,
+    /// The values at the ends of the color map, in the unit of the field; if `None`, those of the elements drawn.
+    pub range: Option<[f64; 2]>,
+    /// Maximum width, pixels; reduced if the body needs less.
     pub width: u32,
     /// Maximum height, pixels; reduced if the body needs less.
     pub height: u32,
@@ -47,7 +55,7 @@ pub struct PictureOptions {
 
 impl Default for PictureOptions {
     fn default() -> Self {
-        Self { step: None, field: None, axis: None, width: 1200, height: 520 }
+        Self { step: None, field: None, axis: None, toward: None, range: None, width: 1200, height: 640 }
     }
 }
 
@@ -69,6 +77,8 @@ struct Colors {
     range: (f64, f64),
     /// The smallest and the largest value drawn.
     extremes: (f64, f64),
+    /// True if the range leaves out the outermost values, rather than being that of an option.
+    is_trimmed: bool,
     map: Map,
 }
 
@@ -89,7 +99,15 @@ impl Colors {
         let values: Vec<f64> = drawn.iter().filter_map(|&element| quantity.values.get(element).copied()).collect();
         let finite = values.iter().copied().filter(|value| value.is_finite());
         let extremes = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), value| (a.min(value), b.max(value)));
-        Self { quantity, range: color::range(&values), extremes, map: Map::Faces }
+        Self { quantity, range: color::range(&values), extremes, is_trimmed: true, map: Map::Faces }
+    }
+
+    /// Uses this range of values instead.
+    fn within(mut self, range: Option<[f64; 2]>) -> Self {
+        if let Some([low, high]) = range {
+            (self.range, self.is_trimmed) = ((low, high), false);
+        }
+        self
     }
 
     fn of(&self, element: usize) -> [u8; 3] {
@@ -140,18 +158,22 @@ fn state(entry: &Entry, extension: Option<f64>) -> String {
 
 fn compose(title: &str, state: &str, fields: &Fields, quantity: Option<Quantity>, options: &PictureOptions) -> String {
     let (width, most) = (f64::from(options.width.max(480)), f64::from(options.height.max(300)));
-    let room = |height: f64| [28.0, 82.0, width - 56.0, height - 82.0 - 96.0];
-    let mut scene = scene(fields, options.axis);
-    scene.fit(room(most));
-    // A slender body that fills the width would leave empty bands above and below.
+    let room = |[width, height]: [f64; 2]| [28.0, 82.0, width - 56.0, height - 82.0 - 96.0];
+    let mut scene = scene(fields, options);
+    scene.fit(room([width, most]));
+    // Beside or above a body that fills the other direction, the page would be empty. The legend needs a width too.
+    let legend = if fields.cell_vector("fiber_direction").is_some() { LEGEND_WITH_FIBERS } else { LEGEND };
     let height = most - (scene.frame.unused_height - 10.0).max(0.0).floor();
-    scene.fit(room(height));
+    let width = (width - scene.frame.unused_width.floor()).max(legend.min(width));
+    scene.fit(room([width, height]));
     let seen = body::visible_elements(&scene);
-    let colors = quantity.map(|quantity| Colors::new(quantity, &seen));
+    let colors = quantity.map(|quantity| Colors::new(quantity, &seen).within(options.range));
+    let averages = colors.as_ref().filter(|colors| !colors.quantity.is_integer);
+    let averages = averages.map(|colors| NodalAverages::of(fields, &colors.quantity.values));
 
     let mut svg = Svg::new(width, height, &format!("{title}: the deformed body, {state}"));
     legend::title(&mut svg, title, state);
-    body::faces(&mut svg, &scene, colors.as_ref());
+    faces::draw(&mut svg, &scene, colors.as_ref(), averages.as_ref());
     body::outline(&mut svg, &scene);
     let alignment = fields.cell_scalar("fiber_alignment");
     let fibers = fields
@@ -174,13 +196,13 @@ fn compose(title: &str, state: &str, fields: &Fields, quantity: Option<Quantity>
     svg.finish()
 }
 
-fn scene(fields: &Fields, axis: Option<usize>) -> Scene {
+fn scene(fields: &Fields, options: &PictureOptions) -> Scene {
     let reference: Vec<Vector3<f64>> = fields.points.iter().map(|&point| point.into()).collect();
     let current: Vec<Vector3<f64>> = deformed(fields).map(Vector3::from).collect();
     let skin = BoundaryMesh::of(&fields.elements);
     let first = reference.first().copied().unwrap_or_default();
     let (low, high) = reference.iter().fold((first, first), |(low, high), point| (low.inf(point), high.sup(point)));
-    let view = View::of(high - low, axis);
+    let view = View::of(high - low, options.axis, options.toward);
     Scene { skin, reference, current, view, frame: Frame::default() }
 }
 
@@ -224,11 +246,11 @@ mod tests {
     #[test]
     fn the_three_sides_of_a_cube_that_face_the_viewer_are_drawn() {
         let fields = cube();
-        let mut scene = scene(&fields, None);
+        let mut scene = scene(&fields, &PictureOptions::default());
         scene.fit([0.0, 0.0, 100.0, 100.0]);
         let colors = Colors::new(Quantity::find(&fields, None).unwrap().unwrap(), &[0, 1]);
         let mut svg = Svg::new(100.0, 100.0, "");
-        body::faces(&mut svg, &scene, Some(&colors));
+        faces::draw(&mut svg, &scene, Some(&colors), None);
         assert_eq!(svg.finish().matches("z\" fill=").count(), 3 * 8);
 
         let depth = |point: Vector3<f64>| scene.view.project(&point)[2];
@@ -252,7 +274,7 @@ mod tests {
     #[test]
     fn a_fiber_line_shows_direction_and_alignment() {
         let fields = cube();
-        let mut scene = scene(&fields, Some(2));
+        let mut scene = scene(&fields, &PictureOptions { axis: Some(2), ..PictureOptions::default() });
         scene.fit([0.0, 0.0, 300.0, 300.0]);
         let directions = vec![[0.0, 3.0, 0.0]; fields.elements.len()];
         let seen = body::visible_elements(&scene);

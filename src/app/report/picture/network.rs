@@ -11,9 +11,9 @@ use nalgebra::{Matrix3, Vector3};
 use super::body::OUTLINE;
 use super::color::{AXES, mix};
 use super::legend::{self, INK};
-use super::quantity::Quantity;
 use super::view::{Frame, View};
 use super::{Colors, Map};
+use crate::app::report::quantity::Quantity;
 use crate::app::report::svg::{Anchor, Svg, hex};
 
 /// Number of depth layers; each is drawn over those behind it.
@@ -75,7 +75,7 @@ struct Piece {
 pub fn draw_network(picture: &NetworkPicture) -> String {
     let width = f64::from(picture.width.max(480));
     let height = (0.92 * width + 100.0).round();
-    let view = View::of(Vector3::from_element(1.0), picture.axis);
+    let view = View::of(Vector3::from_element(1.0), picture.axis, None);
     let corners = |f: &Matrix3<f64>| -> [Vector3<f64>; 8] {
         std::array::from_fn(|k| f * Vector3::from([k & 1, k >> 1 & 1, k >> 2].map(|x| x as f64 - 0.5)))
     };
@@ -129,7 +129,10 @@ pub fn draw_network(picture: &NetworkPicture) -> String {
 fn colors(color: FiberColor) -> Option<Colors> {
     let FiberColor::Values { label, unit, values, rest } = color else { return None };
     let all: Vec<usize> = (0..values.len()).collect();
-    let mut colors = Colors::new(Quantity { label: label.into(), unit, values: values.into() }, &all);
+    let mut colors = Colors::new(
+        Quantity { name: label.into(), label: label.into(), unit, is_integer: false, values: values.into() },
+        &all,
+    );
     colors.map = Map::Lines;
     if let Some(rest) = rest {
         let (low, high) = colors.range;
@@ -287,7 +290,7 @@ mod tests {
     fn the_hidden_edges_meet_at_the_farthest_corner() {
         let corners: [Vector3<f64>; 8] =
             std::array::from_fn(|k| Vector3::from([k & 1, k >> 1 & 1, k >> 2].map(|x| x as f64 - 0.5)));
-        let view = View::of(Vector3::from_element(1.0), None);
+        let view = View::of(Vector3::from_element(1.0), None, None);
         let edges = Edges::of(&corners, &view);
         assert_eq!((edges.hidden.len(), edges.visible.len()), (3, 9));
         let common = (0..8).filter(|corner| edges.hidden.iter().all(|edge| edge.contains(corner))).collect::<Vec<_>>();

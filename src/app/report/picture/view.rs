@@ -14,19 +14,23 @@ fn azimuth(longest: f64, second: f64) -> f64 {
 
 /// The axes of the page as directions in space.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct View {
+pub(in crate::app::report) struct View {
     /// To the right.
-    pub(super) right: Vector3<f64>,
+    pub(in crate::app::report) right: Vector3<f64>,
     /// Up.
-    pub(super) up: Vector3<f64>,
+    pub(in crate::app::report) up: Vector3<f64>,
     /// Out of the page, toward the viewer.
-    pub(super) toward: Vector3<f64>,
+    pub(in crate::app::report) toward: Vector3<f64>,
 }
 
 impl View {
     /// Returns the view for a body with a bounding box of these edges: the longest edge lies across the page, and the
-    /// viewer looks along `axis` (0, 1, 2) if given, otherwise along the shortest edge.
-    pub(super) fn of(edges: Vector3<f64>, axis: Option<usize>) -> Self {
+    /// viewer looks along `axis` (0, 1, 2) if given, otherwise along the shortest edge. A direction `toward` the viewer,
+    /// if given, replaces both: z points up the page, or y if the viewer looks along z.
+    pub(in crate::app::report) fn of(edges: Vector3<f64>, axis: Option<usize>, toward: Option<[f64; 3]>) -> Self {
+        if let Some(toward) = toward.and_then(|toward| Vector3::from(toward).try_normalize(0.0)) {
+            return Self::from_direction(toward);
+        }
         // Edges that differ by less than a tenth count as equal, so that a pulled cube keeps its view.
         let mut order = [0, 1, 2];
         order.sort_by(|&a, &b| {
@@ -47,14 +51,20 @@ impl View {
         Self { right, up: toward.cross(&right), toward }
     }
 
+    fn from_direction(toward: Vector3<f64>) -> Self {
+        let vertical = if toward.z.abs() > 0.99 { Vector3::y() } else { Vector3::z() };
+        let right = vertical.cross(&toward).normalize();
+        Self { right, up: toward.cross(&right), toward }
+    }
+
     /// Returns the coordinates of a point on the page (right, up) and its depth (toward the viewer).
-    pub(super) fn project(&self, point: &Vector3<f64>) -> [f64; 3] {
+    pub(in crate::app::report) fn project(&self, point: &Vector3<f64>) -> [f64; 3] {
         [self.right.dot(point), self.up.dot(point), self.toward.dot(point)]
     }
 
     /// Returns the brightness of a face with this normal, at most 1. The light comes from the front, so that the broad
     /// side keeps the colors of the color bar.
-    pub(super) fn light(&self, normal: &Vector3<f64>) -> f64 {
+    pub(in crate::app::report) fn light(&self, normal: &Vector3<f64>) -> f64 {
         let source = (self.toward * 0.9 - self.up * 0.3).normalize();
         let cosine = normal.try_normalize(0.0).map_or(1.0, |normal| normal.dot(&source).max(0.0));
         0.82 + 0.18 * cosine
@@ -63,17 +73,22 @@ impl View {
 
 /// The map from projected coordinates to the page: meters to pixels, with y downward.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Frame {
+pub(in crate::app::report) struct Frame {
     /// Pixels per meter.
-    pub(super) scale: f64,
+    pub(in crate::app::report) scale: f64,
+    /// Part of the width of the rectangle that the points do not use, pixels.
+    pub(in crate::app::report) unused_width: f64,
     /// Part of the height of the rectangle that the points do not use, pixels.
-    pub(super) unused_height: f64,
+    pub(in crate::app::report) unused_height: f64,
     offset: [f64; 2],
 }
 
 impl Frame {
     /// Fits projected points into a rectangle (left, top, width, height), centered.
-    pub(super) fn fit(points: impl Iterator<Item = [f64; 3]>, [left, top, width, height]: [f64; 4]) -> Self {
+    pub(in crate::app::report) fn fit(
+        points: impl Iterator<Item = [f64; 3]>,
+        [left, top, width, height]: [f64; 4],
+    ) -> Self {
         let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
         for point in points {
             for k in 0..2 {
@@ -86,11 +101,12 @@ impl Frame {
         let scale = if scale.is_finite() && scale > 0.0 { scale } else { 1.0 };
         let middle = [(low[0] + high[0]) / 2.0, (low[1] + high[1]) / 2.0];
         let offset = [left + width / 2.0 - scale * middle[0], top + height / 2.0 + scale * middle[1]];
-        Self { scale, unused_height: (height - scale * span[1]).max(0.0), offset }
+        let unused = |room: f64, span: f64| (room - scale * span).max(0.0);
+        Self { scale, unused_width: unused(width, span[0]), unused_height: unused(height, span[1]), offset }
     }
 
     /// Returns the pixel coordinates of a projected point.
-    pub(super) fn page_position(&self, [across, up, _]: [f64; 3]) -> [f64; 2] {
+    pub(in crate::app::report) fn page_position(&self, [across, up, _]: [f64; 3]) -> [f64; 2] {
         [self.offset[0] + self.scale * across, self.offset[1] - self.scale * up]
     }
 }
@@ -102,7 +118,7 @@ mod tests {
     #[test]
     fn the_page_is_right_handed_and_the_longest_edge_lies_across() {
         for (edges, axis) in [([5.0, 1.0, 0.2], None), ([0.2, 1.0, 5.0], None), ([1.0, 1.0, 1.0], Some(1))] {
-            let view = View::of(edges.into(), axis);
+            let view = View::of(edges.into(), axis, None);
             assert!((view.right.cross(&view.up) - view.toward).norm() < 1e-15);
             let longest = (0..3).max_by(|&a, &b| f64::total_cmp(&edges[a], &edges[b])).unwrap();
             if axis.is_none() {
@@ -110,6 +126,15 @@ mod tests {
             }
             assert!(view.up.iter().any(|&part| part > 0.75) && view.toward.iter().any(|part| part.abs() > 0.75));
         }
+    }
+
+    #[test]
+    fn a_direction_chooses_the_view() {
+        let view = View::of([5.0, 1.0, 0.2].into(), Some(2), Some([2.0, 0.0, 0.0]));
+        let expected = [Vector3::y(), Vector3::z(), Vector3::x()];
+        assert!([view.right, view.up, view.toward].iter().zip(expected).all(|(a, b)| (a - b).norm() < 1e-15));
+        let above = View::of([1.0; 3].into(), None, Some([0.0, 0.0, 3.0]));
+        assert!((above.up - Vector3::y()).norm() < 1e-15 && (above.right - Vector3::x()).norm() < 1e-15);
     }
 
     #[test]

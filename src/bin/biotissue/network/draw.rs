@@ -226,8 +226,11 @@ fn in_words(f: &Matrix3<f64>) -> String {
 
 fn vtp(path: &Path, network: &Network, state: &State) -> Result<(), Failure> {
     let kind: Vec<i64> = network.material_of().iter().map(|&reaction| reaction.into()).collect();
+    let moved = |(current, node): (&[f64; 3], &[f64; 3])| std::array::from_fn(|k| current[k] - node[k]);
+    let displacements: Vec<[f64; 3]> = state.positions.iter().zip(network.nodes()).map(moved).collect();
     let set = NetworkSet {
         points: &state.positions,
+        displacements: &displacements,
         fibers: network.fibers(),
         stretch: &state.stretches,
         force: &state.forces,

@@ -35,18 +35,24 @@ pub(super) struct BoundaryMesh {
 impl BoundaryMesh {
     /// Finds the faces that belong to only one element.
     pub(super) fn of(elements: &Elements) -> Self {
-        let mut owners: HashMap<[u32; 4], (usize, Face)> = HashMap::new();
+        // Of each face, the number of elements, the last of them, and its number there.
+        let mut owners: HashMap<[u32; 4], (u32, usize, usize)> = HashMap::new();
         for (element, (element_type, nodes)) in elements.typed().enumerate() {
-            for FaceNodes { face_type, nodes: local } in element_type.faces() {
+            for (number, FaceNodes { face_type, nodes: local }) in element_type.faces().iter().enumerate() {
                 let mut key = [u32::MAX; 4];
                 key.iter_mut().zip(&local[..face_type.corners()]).for_each(|(slot, &node)| *slot = nodes[node]);
                 key.sort_unstable();
-                let points = face_type.outline().iter().map(|&node| nodes[local[node]]).collect();
-                owners.entry(key).or_insert((0, Face { points, element })).0 += 1;
+                let owner = owners.entry(key).or_default();
+                *owner = (owner.0 + 1, element, number);
             }
         }
-        let mut faces: Vec<Face> =
-            owners.into_values().filter(|(count, _)| *count == 1).map(|(_, face)| face).collect();
+        let face = |(_, element, number): (u32, usize, usize)| {
+            let (element_type, nodes) = elements.get(element)?;
+            let FaceNodes { face_type, nodes: local } = &element_type.faces()[number];
+            Some(Face { points: face_type.outline().iter().map(|&node| nodes[local[node]]).collect(), element })
+        };
+        let boundary = owners.into_values().filter(|(count, ..)| *count == 1);
+        let mut faces: Vec<Face> = boundary.filter_map(face).collect();
         // A hash map has no defined order, but the same results must give the same file.
         faces.sort_unstable_by(|a, b| (a.element, &a.points).cmp(&(b.element, &b.points)));
         let edges = edges(&faces);
