@@ -148,13 +148,14 @@ fn a_report_is_removed_with_its_results() {
     let page = folder.path().join("out/report.html");
     line(folder.path(), "run pull.toml --out out").done();
     line(folder.path(), "report out").done();
-    let text = std::fs::read_to_string(&page).unwrap();
     line(folder.path(), "run pull.toml --out out --resume").done();
     assert!(page.exists(), "a resumed run keeps the report");
     line(folder.path(), "run pull.toml --out out").done();
     assert!(!page.exists());
     // Earlier versions wrote the page without the generator tag.
-    std::fs::write(&page, text.replace("<meta name=\"generator\" content=\"biotissue\">\n", "")).unwrap();
+    let earlier =
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<title>pull</title>\n<style>body{margin:0;background:#f3f5f7;";
+    std::fs::write(&page, earlier).unwrap();
     line(folder.path(), "run pull.toml --out out").done();
     assert!(!page.exists());
     std::fs::write(&page, "<!DOCTYPE html>\n<p>mine").unwrap();

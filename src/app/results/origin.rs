@@ -66,7 +66,10 @@ pub fn check_origin(dir: &Path) -> Result<(), ResultsError> {
             FileName::Collection { .. } => {
                 |bytes, _| is_collection_of(bytes, |name| matches!(name, FileName::Network { .. } | FileName::Partial))
             }
-            FileName::Network { .. } | FileName::Partial => |bytes, _| has(bytes, NETWORK, "Name=\"stretch\""),
+            // Files of earlier versions have no displacements: they begin with the stretches.
+            FileName::Network { .. } | FileName::Partial => |bytes, _| {
+                ["displacement", "stretch"].iter().any(|name| has(bytes, NETWORK, &format!("Name=\"{name}\"")))
+            },
             _ => return None,
         };
         Some(kind)
