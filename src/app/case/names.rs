@@ -2,12 +2,11 @@
 
 use crate::input::{InputError, InputErrors, excerpt};
 
-use super::data::{Case, ConstraintCase, MeshSource};
-use super::formula::FormulaCase;
+use super::data::{Case, ConstraintCase, MaterialCase, MeshSource};
 use super::problems::{alternatives, nearest};
 use crate::app::vtu;
 use crate::fem::constraint::{ConstrainedVolume, VolumeConstraint};
-use crate::tissue::materials::{OTHER_REGIONS, RegionMaterial, find_region};
+use crate::tissue::materials::{OTHER_REGIONS, find_region};
 
 impl Case {
     /// Returns the index of the `[[region]]` for a region of the mesh: the one with its name, or else `*`.
@@ -16,7 +15,7 @@ impl Case {
     }
 
     /// Returns the material of a region of the mesh.
-    pub fn material_of(&self, region: &str) -> Option<&RegionMaterial<FormulaCase>> {
+    pub fn material_of(&self, region: &str) -> Option<&MaterialCase> {
         self.region_of(region).map(|number| &self.regions[number].material)
     }
 

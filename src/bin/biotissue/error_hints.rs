@@ -210,7 +210,7 @@ pub fn not_set_up<F: std::error::Error + 'static>(of: &CaseHints, error: Simulat
             "give the region a `law`, or put NETWORK.toml with a [law] or NETWORK.params beside the network",
         ),
         SimulationError::Library(error @ LibraryError::Device(_)) => return no_device(&of.file, error),
-        SimulationError::Library(LibraryError::NoFormula(..)) => {
+        SimulationError::Library(LibraryError::NoPointMaterial(..)) => {
             ("a formula at every point of the region", "make the formulas for the mesh of the case")
         }
         SimulationError::Library(LibraryError::NoMaterial(_)) => {

@@ -151,7 +151,8 @@ fn accept(
         Some(formula) => Some(formula.respond(target).ok()?),
         None => None,
     };
-    let mut response = Response { energy: found.energy, pk1: found.pk1, tangent: found.tangent };
+    let factor = unit.fibers.as_ref()?.factor;
+    let mut response = Response { energy: found.energy, pk1: found.pk1, tangent: found.tangent }.scaled(factor);
     if let Some(matrix) = matrix {
         response.energy += matrix.energy;
         response.pk1 += matrix.pk1;

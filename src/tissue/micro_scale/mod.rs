@@ -53,7 +53,7 @@ use crate::tissue::two_scale::{BalanceReport, RankTimes};
 pub use activity::{Activity, RveProgress, SlowestRve};
 pub use costs::RveCost;
 pub use error::{PointFailure, PointFailureKind, TissueFieldError};
-pub use library::{Library, LibraryError, PointMaterial};
+pub use library::{Library, LibraryError, PointMaterial, PointNetwork};
 pub use lifecycle::RveStatus;
 pub(super) use moving::MovingError;
 pub use pieces::{Piece, PieceError, piece_file, piece_stem};
@@ -213,8 +213,8 @@ impl<B: RealBackend> TissueField<B> {
         let deleted: HashSet<usize> = deleted.iter().copied().collect();
         self.units.remove(&deleted);
         for &point in created {
-            if let Some((model, matrix)) = self.sites.material(point) {
-                self.units.add((point, self.sites.locate(point), self.sites.region(point)), model, matrix);
+            if let Some((network, matrix)) = self.sites.material(point) {
+                self.units.add((point, self.sites.locate(point), self.sites.region(point)), network, matrix);
             }
         }
         self.unit_of = self.units.by_point();

@@ -37,8 +37,8 @@ impl<B: RealBackend> TissueField<B> {
         // The last class is that of RVEs without a network.
         let mut of_model: Vec<Vec<usize>> = vec![Vec::new(); models + 1];
         for (number, &point) in units.points().iter().enumerate() {
-            let model = sites.material(point).and_then(|(model, _)| model);
-            of_model[model.unwrap_or(models)].push(number);
+            let network = sites.material(point).and_then(|(network, _)| network);
+            of_model[network.map_or(models, |network| network.model)].push(number);
         }
         let mut keep = vec![false; units.len()];
         for numbers in &of_model {
@@ -74,8 +74,8 @@ impl<B: RealBackend> SampledField<B> {
         parallel::try_each(chunks, |(number, (gradients, mut out))| {
             for (k, f) in gradients.iter().enumerate() {
                 let point = number * POINTS_PER_CHUNK + k;
-                let Some((model, matrix)) = sites.material(point).filter(|_| sites.is_awake(point)) else { continue };
-                let of_network = model.map(|model| laws[model].evaluate(f)).transpose();
+                let Some((network, matrix)) = sites.material(point).filter(|_| sites.is_awake(point)) else { continue };
+                let of_network = network.map(|of| Ok(laws[of.model].evaluate(f)?.scaled(of.factor))).transpose();
                 let of_matrix = matrix.map(|formula| formula.respond(f)).transpose();
                 let responses = of_network.and_then(|network| of_matrix.map(|matrix| [network, matrix]));
                 let responses = responses.map_err(|reason| PointFailure::of_formula(sites.locate(point), &reason))?;

@@ -12,7 +12,7 @@ use super::activity::Activity;
 use super::batches::Done;
 use super::costs::{KeptCosts, RveCost};
 use super::error::PointFailure;
-use super::library::Library;
+use super::library::{Library, PointNetwork};
 use super::pieces::{self, Piece};
 use super::saved::{FieldRestoreError, UnitState};
 use super::unit::{Origin, RveStats, Unit, UnitError};
@@ -20,7 +20,7 @@ use super::worker::Worker;
 use crate::coupling::balance::{Cost, CostHistory};
 use crate::fem::material::Response;
 use crate::fem::mesh::IntegrationPoint;
-use crate::fiber::rve::Rve;
+use crate::fiber::rve::{Rve, StressScale};
 use crate::las::{Backend, RealBackend};
 use crate::parallel;
 use crate::tissue::materials::Formula;
@@ -54,8 +54,8 @@ pub(in crate::tissue) struct Units<B: Backend> {
 pub struct FailedRve {
     /// Its point.
     pub point: IntegrationPoint,
-    /// The number of its model.
-    pub model: usize,
+    /// The network of its point.
+    pub network: PointNetwork,
     /// The data that reproduces the failure.
     pub dump: RveDump,
 }
@@ -64,13 +64,16 @@ impl FailedRve {
     /// Collects the data of the RVE of a point that failed between `start` and `gradient`.
     pub(in crate::tissue) fn new<B: RealBackend>(
         library: &Library<B>,
-        (point, model): (IntegrationPoint, usize),
+        (point, network): (IntegrationPoint, PointNetwork),
         start: &Rve,
         gradient: &Matrix3<f64>,
     ) -> Self {
         let origin = point.to_string();
-        let dump = RveDump::new(origin, &library.models()[model], (start, gradient), library.params());
-        Self { point, model, dump }
+        let mut dump = RveDump::new(origin, &library.models()[network.model], (start, gradient), library.params());
+        if let StressScale::FiberVolumeFraction(fraction) = &mut dump.scale {
+            *fraction *= network.factor;
+        }
+        Self { point, network, dump }
     }
 }
 
@@ -97,12 +100,12 @@ impl<B: RealBackend> Units<B> {
     pub fn add(
         &mut self,
         (point, location, region): (usize, IntegrationPoint, usize),
-        model: Option<usize>,
+        network: Option<PointNetwork>,
         matrix: Option<Arc<Formula>>,
     ) {
-        let unit = Unit::new((location, region), model, &self.library.models, matrix);
+        let unit = Unit::new((location, region), network, &self.library.models, matrix);
         // RVEs of one network cost about the same.
-        let class = model.unwrap_or(self.library.models.len());
+        let class = network.map_or(self.library.models.len(), |network| network.model);
         self.append(point, unit, CostHistory::new(class as u32));
     }
 
@@ -350,7 +353,7 @@ impl<B: RealBackend> Units<B> {
         let network = fibers.map(|f| library.models[f.model].network().name().to_owned());
         if let (UnitError::Rve(_), Some(fibers)) = (reason, fibers) {
             *self.failed_rve.get_mut().unwrap_or_else(PoisonError::into_inner) =
-                Some(FailedRve::new(library, (unit.location, fibers.model), &fibers.current, gradient));
+                Some(FailedRve::new(library, (unit.location, fibers.network()), &fibers.current, gradient));
         }
         PointFailure::of_unit(unit.location, network, reason)
     }

@@ -26,7 +26,7 @@ fn field(predictor: bool) -> TissueField<Sparse> {
         networks: vec![network],
         assignment: NetworkAssignment::Cycle,
         seed: 0,
-        scale: StressScale::Raw,
+        scale: StressScale::Raw.into(),
         law: None,
         matrix: None,
         lifecycle: RveLifecycle::default(),
