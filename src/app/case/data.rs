@@ -79,7 +79,7 @@ impl Case {
 /// The source of a mesh.
 #[derive(Clone, Debug, PartialEq)]
 pub enum MeshSource {
-    /// A Gmsh file, or a VTK file if its name ends in `.vtu`.
+    /// A file; the ending of its name tells the format ([`mesh_files`](crate::app::mesh_files)).
     File(PathBuf),
     /// The built-in box.
     Box {

@@ -154,7 +154,7 @@ mod tests {
     fn files_that_are_no_grid_are_reported() {
         for (text, expected) in [
             ("1 2 3", "g.txt: the file ends after 3 of nine numbers that describe the grid"),
-            ("0 0 0 1 1 1 2 1 1 5", "g.txt: the file has 1 values; a grid of 2 x 1 x 1 points needs 2"),
+            ("0 0 0 1 1 1 2 1 1 5", "g.txt: the file has 1 values; a grid of 2 x 1 x 1 cells needs 2"),
             ("0 0 0 1 1 1 1\n1 1\nx", "g.txt:3: `x` is not a number"),
             ("0 0 0 1 -1 1 1 1 1 5", "g.txt:1: dy is -1; corners are finite, and edges above 0"),
             ("0 0 0 1 1 1\n1.5 1 1 5", "g.txt:2: nx is 1.5; the number of cells is a whole number from 1"),
