@@ -193,7 +193,8 @@ fn located(case: &Case, error: &BoundaryError) -> InputErrors {
                 "nodes whose other conditions hold only components that the rigid surface holds: displacement 0 along them, and \
                  rotation 0 about the other two axes"
                     .into(),
-                "prescribe these components of `rigid`, or leave the nodes out of one of the two surfaces",
+                "prescribe these components of `rigid` (beside a plane of symmetry along x: its displacement x and rotations y and z, \
+                 all 0), or leave the nodes out of one of the two surfaces",
             ),
             BoundaryError::LeavesPlane { rigid, .. } => (
                 line_of(case, rigid),

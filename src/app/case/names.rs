@@ -72,6 +72,7 @@ impl Case {
         known: &[String],
         (other_kind, others): (&str, &[String]),
     ) -> InputError {
+        let is_empty = known.is_empty() && matches!(self.mesh, MeshSource::File(_));
         let known = || known.iter().map(String::as_str);
         let expected = match known().next() {
             Some(_) => format!("a {kind} of the mesh: {}", alternatives(known(), '"')),
@@ -97,6 +98,11 @@ impl Case {
                 "region" => "choose one of these, or name the <Elements> of the mesh so".into(),
                 _ => "choose one of these, or make it a <Surface> or a <NodeSet> of the mesh".into(),
             },
+            None if is_empty && kind == "surface" => {
+                "the mesh file has no named surfaces: add a physical group to its geometry (in Gmsh: \
+                 Physical Surface(\"NAME\") = {1, ...};), mesh it again, and save it"
+                    .into()
+            }
             None => "choose one of these, or name it in the mesh as a physical group".into(),
         };
         let what = format!("the mesh{} has no {kind} \"{}\"", self.mesh_file(), excerpt(name));

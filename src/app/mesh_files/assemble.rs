@@ -5,7 +5,7 @@ use std::path::Path;
 
 use crate::fem::element::{CellType, ElementType, FaceType};
 use crate::fem::mesh::gmsh::MeshFile;
-use crate::fem::mesh::parts::{GroupFaces, Parts, make_upright};
+use crate::fem::mesh::parts::{GroupFaces, Parts, make_upright, reversed_warning};
 use crate::fem::mesh::{Elements, MeshError};
 use crate::input::InputError;
 
@@ -103,11 +103,7 @@ impl Contents {
             reversed += usize::from(make_upright(*element_type, of_volume, &nodes));
             elements.push(*element_type, of_volume);
         }
-        match reversed {
-            0 => {}
-            1 => warnings.push("1 element had a negative volume and has been reversed".into()),
-            _ => warnings.push(format!("{reversed} elements had a negative volume and have been reversed")),
-        }
+        warnings.extend(reversed_warning(reversed));
         let mut lines = Vec::new();
         let mut groups = Vec::with_capacity(surfaces.len());
         for (name, faces) in surfaces {

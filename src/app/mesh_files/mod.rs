@@ -2,7 +2,7 @@
 //!
 //! | file | regions | surfaces |
 //! |---|---|---|
-//! | `.msh` of Gmsh ([`gmsh`](crate::fem::mesh::gmsh)) | physical volumes | physical surfaces |
+//! | `.msh` of Gmsh ([`gmsh`]) | physical volumes | physical surfaces |
 //! | `.vtu` of VTK ([`vtu`]) | `region_1`, ..., by an array of the cells | `surface_1`, ... |
 //! | `.inp` of Abaqus | element sets of solid sections; otherwise element sets | surfaces, sets of shell or membrane elements, and node sets that contain whole faces of the boundary |
 //! | `.mesh` of Medit | `region_1`, ..., by the references of volumes | `surface_1`, ..., by those of triangles and quadrilaterals |

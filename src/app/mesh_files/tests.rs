@@ -34,7 +34,9 @@ fn other_formats_give_the_mesh_of_gmsh() {
             }
             let path = format!("{DATA}/mesh_files/{name}.{ending}");
             let MeshFile { mesh, warnings } = read(Path::new(&path)).unwrap_or_else(|error| panic!("{error}"));
-            assert!(warnings.is_empty(), "{path}: {warnings:?}");
+            // The cubes have a node of no element.
+            let is_known = |warning: &String| name == "two_cubes" && warning.contains("belongs to no element");
+            assert!(warnings.iter().all(is_known), "{path}: {warnings:?}");
             for (a, b) in mesh.nodes().as_flattened().iter().zip(expected.nodes().as_flattened()) {
                 assert!((a - b).abs() <= 1e-12, "{path}");
             }
