@@ -156,6 +156,7 @@ impl Reader<'_> {
                 let name = if name.is_empty() { material.unwrap_or_else(|| "body".into()) } else { name };
                 Some(Section::Elements(of, name))
             }
+            "Surface" if name.is_empty() => return Err(self.error(line, "the surface has no `name`")),
             "Surface" => Some(Section::Surface(name)),
             "NodeSet" => {
                 self.node_sets.push((name, Vec::new(), line));

@@ -29,7 +29,7 @@ def write_feb(path):
 
     def elements(dimension, of):
         for _, group in gmsh.model.getPhysicalGroups(dimension):
-            name = gmsh.model.getPhysicalName(dimension, group)
+            name = gmsh.model.getPhysicalName(dimension, group) or str(group)
             for entity in gmsh.model.getEntitiesForPhysicalGroup(dimension, group):
                 for kind, ids, nodes in zip(*mesh.getElements(dimension, entity)):
                     yield (name, of[kind], ids, rows(nodes, len(nodes) // len(ids)))
