@@ -6,7 +6,7 @@ use super::case::{
     BodyForceCase, BoundaryCase, Case, LoadCurve, LoadValue, MeshSource, PointPlace, QuadraticCase, RigidCase,
     SolverCase, SurfaceLoad, terms,
 };
-use super::vtu;
+use super::mesh_files;
 use crate::fem::assembly;
 use crate::fem::boundary::{
     BodyForce, Boundary, BoundaryError, Conditions, Foundation, LoadCondition, PointCondition, PointDisplacement,
@@ -14,7 +14,7 @@ use crate::fem::boundary::{
 };
 use crate::fem::constraint::{ConstraintError, Constraints};
 use crate::fem::mesh::shapes::{self, ShapeError};
-use crate::fem::mesh::{Mesh, MeshError, gmsh};
+use crate::fem::mesh::{Mesh, MeshError};
 use crate::fem::stepping::{IncrementControl, StepParams};
 use crate::input::{InputError, InputErrors};
 use crate::las::{Forcing, SolverParams};
@@ -27,7 +27,7 @@ use crate::las::{Forcing, SolverParams};
 pub fn mesh(case: &Case) -> Result<(Mesh, Vec<String>), InputErrors> {
     let (mesh, warnings) = match &case.mesh {
         MeshSource::File(path) => {
-            let read = if vtu::is_vtu(path) { vtu::read(path)? } else { gmsh::read(path)? };
+            let read = mesh_files::read(path)?;
             (read.mesh, read.warnings)
         }
         MeshSource::Box { cells, size, element } => {
@@ -193,7 +193,8 @@ fn located(case: &Case, error: &BoundaryError) -> InputErrors {
                 "nodes whose other conditions hold only components that the rigid surface holds: displacement 0 along them, and \
                  rotation 0 about the other two axes"
                     .into(),
-                "prescribe these components of `rigid`, or leave the nodes out of one of the two surfaces",
+                "prescribe these components of `rigid` (beside a plane of symmetry along x: its displacement x and rotations y and z, \
+                 all 0), or leave the nodes out of one of the two surfaces",
             ),
             BoundaryError::LeavesPlane { rigid, .. } => (
                 line_of(case, rigid),

@@ -16,6 +16,7 @@ mod field_files;
 mod formula_fibers;
 pub mod macro_scale;
 pub mod material_fields;
+pub mod mesh_files;
 mod plausibility;
 mod rank_shares;
 mod recorder;

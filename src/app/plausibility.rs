@@ -12,7 +12,7 @@ mod loads;
 mod locking;
 mod shapes;
 
-use crate::app::case::{Case, Formula, RigidCase, SurfaceLoad};
+use crate::app::case::{Case, Formula, RegionMaterial, RigidCase, RveScale, StressScale, SurfaceLoad};
 use crate::fem::mesh::Mesh;
 use crate::las::RealBackend;
 use crate::tissue::micro_scale::Library;
@@ -29,6 +29,8 @@ const LARGEST_STRAIN: f64 = 3.0;
 const SMALLEST_STRAIN: f64 = 1e-9;
 /// Above this ratio, the softer of two materials, in different regions or in parallel, contributes nothing.
 const LARGEST_RATIO: f64 = 1e6;
+/// Range of the stiffness of a tissue, Pa, outside of which a unit is probably wrong.
+const SENSIBLE_STIFFNESSES: std::ops::RangeInclusive<f64> = 1.0..=1e12;
 /// Distance of a reference point from the body, in longest edges of the body, above which its unit is probably wrong.
 const LARGEST_DISTANCE: f64 = 10.0;
 /// Range of the longest edge of the body, m, outside of which its unit is probably wrong.
@@ -102,6 +104,7 @@ fn check_magnitudes(case: &Case, mesh: &Mesh, stiffnesses: &[Stiffness]) -> Plau
     warnings.extend(check_size(case, mesh, edge));
     warnings.extend(check_references(case, mesh, edge));
     warnings.extend(check_stiffnesses(case, stiffnesses));
+    warnings.extend(stiffnesses.iter().filter_map(|stiffness| check_stiffness(case, stiffness)));
     let loads = loads(case, mesh, edge, stiffnesses);
     warnings.extend(
         loads.iter().filter(|load| load.strain > LARGEST_STRAIN).map(|load| at(case, load.line, &load.message)),
@@ -157,6 +160,25 @@ fn check_references<'a>(case: &'a Case, mesh: &'a Mesh, edge: f64) -> impl Itera
             at(case, boundary.line, &message)
         })
     })
+}
+
+/// Finds a material that is softer or stiffer than any tissue.
+fn check_stiffness(case: &Case, stiffness: &Stiffness) -> Option<String> {
+    let total = stiffness.total();
+    if total == 0.0 || SENSIBLE_STIFFNESSES.contains(&total) {
+        return None;
+    }
+    let is_raw = matches!(
+        &case.regions[stiffness.region].material,
+        RegionMaterial::FiberRve(rve) if rve.scale == RveScale::Uniform(StressScale::Raw)
+    );
+    let than = if total < 1.0 { "softer" } else { "stiffer" };
+    let cure = match is_raw {
+        true => "with `scale = \"raw\"`, the `radius` is in units of the edge of the cube",
+        false => "moduli are in Pa (1 MPa is 1e6)",
+    };
+    let message = format!("about {} Pa is {than} than any tissue: {cure}", short(total));
+    Some(in_region(case, stiffness.region, &message))
 }
 
 /// Compares the materials of different regions, and fibers and matrix in parallel.
@@ -256,6 +278,17 @@ displacement = { x = 0.1 }
         // A load may be small if another one is not.
         let force = "[[body_force]]\nregion = \"*\"\nvalue = [0, 0, 1e-12]\n";
         assert_eq!(warnings_of(&format!("{CASE}{force}"), 1.0, Some([1e2, 1e8])), [""; 0]);
+    }
+
+    #[test]
+    fn a_modulus_in_megapascals_is_found() {
+        // 1 kPa and 1 TPa in MPa, moved by displacements.
+        for (modulus, expected) in [
+            ("1.0e-3", "3: region \"*\": about 2.5e-3 Pa is softer than any tissue: moduli are in Pa (1 MPa is 1e6)"),
+            ("1.0e12", "3: region \"*\": about 2.5e12 Pa is stiffer than any tissue: moduli are in Pa (1 MPa is 1e6)"),
+        ] {
+            assert_eq!(warnings_of(&CASE.replace("1.0e3", modulus), 1.0, None), [expected]);
+        }
     }
 
     #[test]

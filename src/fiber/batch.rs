@@ -29,7 +29,8 @@ pub struct BatchEquilibrium {
 /// result of an RVE does not depend on the others. What it does not solve, it leaves to `equilibrate`.
 pub trait BatchSolver: Send {
     /// Brings RVEs to equilibrium at these deformation gradients, one for each. An RVE for which the result is `None` is
-    /// unchanged: it needs more than Newton's method, or its state does not belong to the model.
+    /// unchanged: it needs more than Newton's method, or its state does not belong to the model. Calls `progress` with the
+    /// numbers of RVEs that are done, from any thread.
     ///
     /// # Errors
     /// Returns the reason why nothing can be solved; the RVEs are then unchanged or in equilibrium at their gradients.
@@ -38,6 +39,7 @@ pub trait BatchSolver: Send {
         rves: &mut [&mut Rve],
         targets: &[Matrix3<f64>],
         params: &EquilibriumParams,
+        progress: &(dyn Fn(usize) + Sync),
     ) -> Result<Vec<Option<BatchEquilibrium>>, String>;
 
     /// Returns for each RVE whether Newton evidently leads from the state in `from`, moved affinely, to the equilibrium in

@@ -49,8 +49,8 @@ pub enum RveModelError<F: std::error::Error> {
     /// The fibers have no valid material.
     #[error(transparent)]
     Truss(#[from] TrussError),
-    /// The volume fraction is not between 0 and 1.
-    #[error("the fiber volume fraction is {0}; it must lie between 0 and 1")]
+    /// The volume fraction is not above 0 and at most 1.
+    #[error("the fiber volume fraction is {0}; it must be above 0 and at most 1")]
     VolumeFraction(f64),
     /// The fibers are so thin or so thick that the stress scale is not a positive finite number.
     #[error(
@@ -103,7 +103,7 @@ impl<B: RealBackend> RveModel<B> {
         let stress_scale = scale;
         let scale = match scale {
             StressScale::Raw => 1.0,
-            StressScale::FiberVolumeFraction(phi) if phi > 0.0 && phi < 1.0 => phi / truss.volume(),
+            StressScale::FiberVolumeFraction(phi) if phi > 0.0 && phi <= 1.0 => phi / truss.volume(),
             StressScale::FiberVolumeFraction(phi) => return Err(RveModelError::VolumeFraction(phi)),
         };
         let pattern = Arc::new(stiffness::pattern(truss.network())?);

@@ -101,6 +101,16 @@ impl DeviceBatch {
         targets: &[Matrix3<f64>],
         params: &EquilibriumParams,
     ) -> Result<Vec<Option<BatchEquilibrium>>, CudaError> {
+        self.solve_with_progress(rves, targets, params, &|_| ())
+    }
+
+    fn solve_with_progress(
+        &mut self,
+        rves: &mut [&mut Rve],
+        targets: &[Matrix3<f64>],
+        params: &EquilibriumParams,
+        progress: &(dyn Fn(usize) + Sync),
+    ) -> Result<Vec<Option<BatchEquilibrium>>, CudaError> {
         assert_eq!(rves.len(), targets.len(), "one target for each RVE");
         let Some(params) = self.params(params) else { return Ok(vec![None; rves.len()]) };
         let mut solved = Vec::with_capacity(rves.len());
@@ -125,6 +135,7 @@ impl DeviceBatch {
                     take_state(rve, target, interior, &states, number);
                 });
             })?;
+            progress(responses.iter().flatten().count());
             solved.extend(responses);
         }
         Ok(solved)
@@ -170,8 +181,9 @@ impl BatchSolver for DeviceBatch {
         rves: &mut [&mut Rve],
         targets: &[Matrix3<f64>],
         params: &EquilibriumParams,
+        progress: &(dyn Fn(usize) + Sync),
     ) -> Result<Vec<Option<BatchEquilibrium>>, String> {
-        self.solve(rves, targets, params).map_err(|error| error.to_string())
+        self.solve_with_progress(rves, targets, params, progress).map_err(|error| error.to_string())
     }
 
     fn converge_to(

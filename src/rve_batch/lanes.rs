@@ -67,11 +67,26 @@ impl LaneBatch {
         targets: &[Matrix3<f64>],
         params: &EquilibriumParams,
     ) -> Vec<Option<BatchEquilibrium>> {
+        self.solve_with_progress(rves, targets, params, &|_| ())
+    }
+
+    fn solve_with_progress(
+        &self,
+        rves: &mut [&mut Rve],
+        targets: &[Matrix3<f64>],
+        params: &EquilibriumParams,
+        progress: &(dyn Fn(usize) + Sync),
+    ) -> Vec<Option<BatchEquilibrium>> {
         assert_eq!(rves.len(), targets.len(), "one target for each RVE");
         let Some(params) = self.of_model.params(params) else { return vec![None; rves.len()] };
         let lanes = self.lanes.lanes();
         let groups = rves.par_chunks_mut(lanes).zip(targets.par_chunks(lanes));
-        groups.flat_map_iter(|(rves, targets)| self.solve_group(rves, targets, &params)).collect()
+        let solve_group = |(rves, targets)| {
+            let solved = self.solve_group(rves, targets, &params);
+            progress(solved.iter().flatten().count());
+            solved
+        };
+        groups.flat_map_iter(solve_group).collect()
     }
 
     fn solve_group(
@@ -148,8 +163,9 @@ impl BatchSolver for LaneBatch {
         rves: &mut [&mut Rve],
         targets: &[Matrix3<f64>],
         params: &EquilibriumParams,
+        progress: &(dyn Fn(usize) + Sync),
     ) -> Result<Vec<Option<BatchEquilibrium>>, String> {
-        Ok(Self::solve(self, rves, targets, params))
+        Ok(self.solve_with_progress(rves, targets, params, progress))
     }
 
     fn converge_to(

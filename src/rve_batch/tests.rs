@@ -2,6 +2,7 @@
 //! processors, executed on the processor.
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use nalgebra::Matrix3;
 
@@ -82,7 +83,12 @@ fn compare_with(batch: &mut dyn BatchSolver, model: &Model, predicts: bool, incr
     let mut left = 0;
     for targets in increments {
         let mut all: Vec<&mut Rve> = of_batch.iter_mut().collect();
-        let solved = batch.solve(&mut all, targets, &params).unwrap();
+        let done = AtomicUsize::new(0);
+        let progress = |rves: usize| {
+            done.fetch_add(rves, Ordering::Relaxed);
+        };
+        let solved = batch.solve(&mut all, targets, &params, &progress).unwrap();
+        assert_eq!(done.into_inner(), solved.iter().flatten().count());
         for (number, (rve, found)) in alone.iter_mut().zip(&solved).enumerate() {
             let before = rve.clone();
             let expected = equilibrate(model, rve, &targets[number], &params, &mut workspace);

@@ -1,6 +1,7 @@
 //! The description of the materials of a body: the material of every region, and how its RVEs are solved.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use crate::fiber::equilibrium::Stages;
 use crate::fiber::law::FiberMaterial;
@@ -30,17 +31,17 @@ pub struct Region {
     pub material: RegionMaterial,
 }
 
-/// The material of a region, whose formulas are given by `F`: those of the points of a mesh or, before there is a mesh,
-/// their parameters.
+/// The material of a region. `F` gives its formulas, `N` the networks and `V` the fiber volume fractions that vary over
+/// the body: those of the points of a mesh or, before there is a mesh, what they are computed from.
 #[derive(Clone, Debug, PartialEq)]
-pub enum RegionMaterial<F = Formulas> {
+pub enum RegionMaterial<F = Formulas, N = PointNetworks, V = PointFractions> {
     /// A formula.
     Formula(F),
     /// A fiber network at every integration point.
-    FiberRve(FiberRve<F>),
+    FiberRve(FiberRve<F, N, V>),
 }
 
-impl<F> RegionMaterial<F> {
+impl<F, N, V> RegionMaterial<F, N, V> {
     /// Returns the formula of the region, or the matrix of its RVEs.
     pub fn formula(&self) -> Option<&F> {
         match self {
@@ -48,38 +49,19 @@ impl<F> RegionMaterial<F> {
             Self::FiberRve(rve) => rve.matrix.as_ref(),
         }
     }
-
-    /// Returns the material with other formulas, those that `with` returns for these.
-    ///
-    /// # Errors
-    /// Returns the error of `with`.
-    pub fn try_map<G, E>(&self, with: impl FnOnce(&F) -> Result<G, E>) -> Result<RegionMaterial<G>, E> {
-        Ok(match self {
-            Self::Formula(formula) => RegionMaterial::Formula(with(formula)?),
-            Self::FiberRve(rve) => RegionMaterial::FiberRve(FiberRve {
-                matrix: rve.matrix.as_ref().map(with).transpose()?,
-                networks: rve.networks.clone(),
-                assignment: rve.assignment,
-                seed: rve.seed,
-                scale: rve.scale,
-                law: rve.law.clone(),
-                lifecycle: rve.lifecycle,
-            }),
-        })
-    }
 }
 
 /// A fiber network at every integration point.
 #[derive(Clone, Debug, PartialEq)]
-pub struct FiberRve<F = Formulas> {
+pub struct FiberRve<F = Formulas, N = PointNetworks, V = PointFractions> {
     /// The network files. If empty, the material is its matrix alone, which must exist.
     pub networks: Vec<PathBuf>,
     /// The rule that assigns a network to each integration point.
-    pub assignment: NetworkAssignment,
+    pub assignment: NetworkAssignment<N>,
     /// Seed of the random assignment.
     pub seed: u64,
     /// The conversion of forces to stresses.
-    pub scale: StressScale,
+    pub scale: RveScale<V>,
     /// The law of all fibers; if `None`, the parameter files beside each network define it.
     pub law: Option<FiberMaterial>,
     /// A matrix in parallel with the network.
@@ -88,13 +70,122 @@ pub struct FiberRve<F = Formulas> {
     pub lifecycle: RveLifecycle,
 }
 
+impl<F, N, V> FiberRve<F, N, V> {
+    /// Returns the material with another matrix; `None` if its networks or fractions are given by fields.
+    pub fn without_fields<G, M, W>(&self, matrix: Option<G>) -> Option<FiberRve<G, M, W>> {
+        let assignment = match self.assignment {
+            NetworkAssignment::Random => NetworkAssignment::Random,
+            NetworkAssignment::Cycle => NetworkAssignment::Cycle,
+            NetworkAssignment::Field(_) => return None,
+        };
+        let RveScale::Uniform(scale) = self.scale else { return None };
+        Some(self.with_fields((self.networks.clone(), assignment), scale.into(), matrix))
+    }
+
+    /// Returns the material with these networks, with this conversion to stresses and with this matrix.
+    pub fn with_fields<G, M, W>(
+        &self,
+        (networks, assignment): (Vec<PathBuf>, NetworkAssignment<M>),
+        scale: RveScale<W>,
+        matrix: Option<G>,
+    ) -> FiberRve<G, M, W> {
+        let Self { seed, law, lifecycle, .. } = self;
+        FiberRve { networks, assignment, seed: *seed, scale, law: law.clone(), matrix, lifecycle: *lifecycle }
+    }
+}
+
 /// The rule that assigns a network to each integration point.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum NetworkAssignment {
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum NetworkAssignment<N = PointNetworks> {
     /// By a hash of the seed and the number of the point.
     Random,
     /// By the number of the point modulo the number of networks.
     Cycle,
+    /// By a field.
+    Field(N),
+}
+
+/// The network of every point of a mesh: its index in [`FiberRve::networks`].
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PointNetworks(Arc<[u32]>);
+
+impl PointNetworks {
+    /// The index of points in other regions.
+    pub const NONE: u32 = u32::MAX;
+
+    /// Gives each point of the mesh the index of its network, or [`PointNetworks::NONE`].
+    pub fn new(of_point: Vec<u32>) -> Self {
+        Self(of_point.into())
+    }
+
+    /// Returns the index of the network of each point.
+    pub fn of_point(&self) -> &[u32] {
+        &self.0
+    }
+}
+
+/// How forces in RVEs become stresses.
+#[derive(Clone, Debug, PartialEq)]
+pub enum RveScale<V = PointFractions> {
+    /// In the same way at all points.
+    Uniform(StressScale),
+    /// By fiber volume fractions that vary over the body.
+    Fractions(V),
+}
+
+impl<V> From<StressScale> for RveScale<V> {
+    fn from(scale: StressScale) -> Self {
+        Self::Uniform(scale)
+    }
+}
+
+/// The fiber volume fraction of every point of a mesh.
+///
+/// Points with different fractions share the model of a network, which has the greatest fraction: the stress of an RVE is
+/// proportional to its fraction, which does not change its equilibrium.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PointFractions {
+    of_point: Arc<[f64]>,
+    greatest: f64,
+}
+
+impl PointFractions {
+    /// Gives each point of the mesh its fraction, above 0 and at most 1; NaN to points of other regions.
+    pub fn new(of_point: Vec<f64>) -> Self {
+        let greatest = of_point.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        Self { greatest: if greatest > 0.0 { greatest } else { 1.0 }, of_point: of_point.into() }
+    }
+
+    /// Returns the fraction of each point.
+    pub fn of_point(&self) -> &[f64] {
+        &self.of_point
+    }
+
+    /// Returns the greatest fraction; 1 if no point has one.
+    pub fn greatest(&self) -> f64 {
+        self.greatest
+    }
+}
+
+impl RveScale {
+    /// Returns the conversion of the models that the points share.
+    pub fn of_models(&self) -> StressScale {
+        match self {
+            Self::Uniform(scale) => *scale,
+            Self::Fractions(fractions) => StressScale::FiberVolumeFraction(fractions.greatest),
+        }
+    }
+
+    /// Returns the stress at a point over that of the model; `None` if the point has no fraction.
+    pub fn factor(&self, point: usize) -> Option<f64> {
+        match self {
+            Self::Uniform(_) => Some(1.0),
+            Self::Fractions(fractions) => {
+                let fraction = *fractions.of_point.get(point)?;
+                (!fraction.is_nan()).then(|| fraction / fractions.greatest)
+            }
+        }
+    }
 }
 
 /// The conditions under which the RVE of an element is created, sleeps, and is deleted. By default it exists and is

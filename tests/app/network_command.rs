@@ -248,3 +248,34 @@ fn a_network_is_drawn_at_rest_and_deformed() {
     assert_eq!(refused.status.code(), Some(2));
     assert!(text(&refused.stderr).contains("cure: give --law"), "{}", text(&refused.stderr));
 }
+
+#[test]
+fn several_networks_are_cleaned_and_seeds_without_a_network_are_passed_over() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |arguments: &str| {
+        let output = biotissue(folder.path(), arguments);
+        (output.status.code(), text(&output.stdout).to_owned(), text(&output.stderr).to_owned())
+    };
+    for name in ["a", "b"] {
+        assert_eq!(run(&format!("generate --points 9 -o {name}.txt")).0, Some(0));
+    }
+    let (code, _, stderr) = run("check a.txt b.txt --clean --directory clean");
+    assert_eq!(code, Some(0), "{stderr}");
+    assert!(["clean/a.txt", "clean/b.txt"].iter().all(|name| folder.path().join(name).is_file()));
+    let (code, _, stderr) = run("check a.txt clean/a.txt --clean --directory other");
+    assert!(code == Some(2) && stderr.contains("two of the networks would be written to other/a.txt"), "{stderr}");
+    let (code, _, stderr) = run("check a.txt --clean");
+    assert!(code == Some(2) && stderr.contains("--clean without a place to write to"), "{stderr}");
+    let (code, _, stderr) = run("convert a.txt -o again.txt");
+    assert!(code == Some(0) && folder.path().join("again.txt").is_file(), "{stderr}");
+
+    // So few points that the fibers of some seeds miss a face.
+    let (code, stdout, stderr) =
+        run("generate --points 2 --kind voronoi --align 1_0_0 --strength 0.6 --count 6 --directory few");
+    assert_eq!(code, Some(0), "{stderr}");
+    let skipped = stderr.matches("the next seed takes its place").count();
+    assert!(skipped > 0 && stdout.contains(&format!("{skipped} seed")), "{stdout}{stderr}");
+    let networks = std::fs::read_dir(folder.path().join("few")).unwrap();
+    let networks = networks.filter(|entry| entry.as_ref().unwrap().path().extension().unwrap() == "txt");
+    assert_eq!(networks.count(), 6);
+}

@@ -231,7 +231,8 @@ fn contradictory_planes_and_rigid_surfaces_are_reported_with_line_and_cure() {
             "case.toml:6: node 1 belongs to the rigid surface `x1`, but also to surface `y0`, which prescribes its y-displacement\n  \
              expected: nodes whose other conditions hold only components that the rigid surface holds: displacement 0 along \
              them, and rotation 0 about the other two axes\n  \
-             cure: prescribe these components of `rigid`, or leave the nodes out of one of the two surfaces\n",
+             cure: prescribe these components of `rigid` (beside a plane of symmetry along x: its displacement x and rotations y and z, \
+             all 0), or leave the nodes out of one of the two surfaces\n",
         ),
         (
             block,

@@ -15,11 +15,15 @@ mod killed;
 mod killed_migration;
 mod loads;
 mod measure;
+mod mesh_files;
 mod messages;
+mod network_fields;
 mod networks;
 mod outputs;
 #[cfg(all(feature = "petsc", feature = "sparse"))]
 mod parts;
+#[path = "../support/networks.rs"]
+mod published;
 mod rank_report;
 mod ranks;
 mod recorded_errors;

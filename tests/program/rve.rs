@@ -176,7 +176,7 @@ fn invalid_arguments_are_reported() {
         ("1 0 0 0 1 0 0 0 nan", "", "error: invalid --F \"1 0 0 0 1 0 0 0 nan\"\n"),
         ("", "", "error: invalid --F \"\"\n"),
         (REST, "--scale -0.003", "error: invalid --scale -0.003\n"),
-        (REST, "--scale 1", "error: invalid --scale 1\n"),
+        (REST, "--scale 1.5", "error: invalid --scale 1.5\n"),
         (REST, "--scale rae", "error: invalid --scale rae\n"),
         (REST, "--steps 0", "error: invalid --steps 0\n"),
         (REST, "--tolerance -1e-3", "error: invalid --tolerance -0.001\n"),

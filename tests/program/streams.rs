@@ -76,7 +76,7 @@ fn warnings_are_not_printed_on_stdout() {
 #[test]
 fn long_steps_report_what_their_rves_do() {
     let folder = tempfile::tempdir().unwrap();
-    let text = fibers(&frozen()).replace("cells = [1, 1, 1]", "cells = [6, 6, 5]");
+    let text = fibers(&frozen()).replace("cells = [1, 1, 1]", "cells = [6, 6, 5]") + "[micro]\nlanes = \"off\"\n";
     let done = run(folder.path(), &text, "--progress 0.02 --threads 1");
     done.done();
     let is_beat = |line: &&str| line.contains(" of 1080 RVEs done, ");

@@ -62,7 +62,7 @@ fn foam_with_fibers(mesh: &Arc<Mesh>, networks: Vec<PathBuf>) -> Result<Vec<f64>
         networks,
         assignment: NetworkAssignment::Random,
         seed: 1,
-        scale: StressScale::FiberVolumeFraction(0.003),
+        scale: StressScale::FiberVolumeFraction(0.003).into(),
         law: Some(collagen),
         matrix: Some(Formulas::from(Formula::custom(FOAM))),
         lifecycle: RveLifecycle::default(),

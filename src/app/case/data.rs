@@ -2,9 +2,11 @@
 
 use std::path::PathBuf;
 
+use super::choice::NetworkChoice;
 use super::field_names::FieldSelection;
 use super::formula::FormulaCase;
 use super::load_value::LoadValue;
+use super::parameter::FieldCase;
 use crate::fem::boundary::LoadCurve;
 use crate::fem::constraint::VolumeConstraint;
 use crate::fem::element::ElementType;
@@ -12,7 +14,7 @@ use crate::fem::mesh::QuadraticHexahedron;
 use crate::fem::mesh::shapes::TubeShape;
 use crate::fem::stepping::{AdaptiveIncrements, StepStart};
 use crate::las::Method;
-use crate::tissue::materials::{ElementSelection, Materials, Region, RegionMaterial, RveParams};
+use crate::tissue::materials::{ElementSelection, Formulas, Materials, Region, RegionMaterial, RveParams};
 use crate::tissue::two_scale::BalanceParams;
 
 /// A checked case. Paths are absolute, resolved against the folder of the case file.
@@ -59,8 +61,14 @@ impl Case {
     /// that the materials depend on the mesh ([`material_fields`](crate::app::material_fields)).
     pub fn materials(&self) -> Option<Materials> {
         let region = |region: &RegionCase| {
-            let constant = |formula: &FormulaCase| formula.constant().map(|formula| formula.clone().into()).ok_or(());
-            let material = region.material.try_map(constant).ok()?;
+            let constant = |formula: &FormulaCase| formula.constant().map(|formula| Formulas::from(formula.clone()));
+            let material = match &region.material {
+                RegionMaterial::Formula(formula) => RegionMaterial::Formula(constant(formula)?),
+                RegionMaterial::FiberRve(rve) => {
+                    let matrix = rve.matrix.as_ref().map(|matrix| constant(matrix).ok_or(())).transpose().ok()?;
+                    RegionMaterial::FiberRve(rve.without_fields(matrix)?)
+                }
+            };
             Some(Region { name: region.name.clone(), material })
         };
         let regions = self.regions.iter().map(region).collect::<Option<_>>()?;
@@ -71,7 +79,7 @@ impl Case {
 /// The source of a mesh.
 #[derive(Clone, Debug, PartialEq)]
 pub enum MeshSource {
-    /// A Gmsh file, or a VTK file if its name ends in `.vtu`.
+    /// A file; the ending of its name tells the format ([`mesh_files`](crate::app::mesh_files)).
     File(PathBuf),
     /// The built-in box.
     Box {
@@ -118,8 +126,11 @@ pub struct RegionCase {
     /// [`assembly`](crate::fem::assembly#f-bar).
     pub f_bar: bool,
     /// The material.
-    pub material: RegionMaterial<FormulaCase>,
+    pub material: MaterialCase,
 }
+
+/// The material of a region before there is a mesh.
+pub type MaterialCase = RegionMaterial<FormulaCase, NetworkChoice, FieldCase>;
 
 /// A boundary condition on a surface.
 #[derive(Clone, Debug, PartialEq)]

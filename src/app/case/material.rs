@@ -1,18 +1,20 @@
 //! Reading regions and their materials.
 
 use std::collections::HashMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use super::data::RegionCase;
+use super::choice::{INDEX, NetworkChoice};
+use super::data::{MaterialCase, RegionCase};
 use super::formula::{self, FormulaCase, FormulaModel};
 use super::law;
 use super::networks;
+use super::parameter::{FieldCase, ParameterCase};
 use super::problems::alternatives;
 use super::range::Range;
 use super::table::{Either, Table};
 use super::value::did_you_mean;
 use crate::fiber::rve::StressScale;
-use crate::tissue::materials::{BeforeCreation, FiberRve, NetworkAssignment, RegionMaterial, RveLifecycle};
+use crate::tissue::materials::{BeforeCreation, FiberRve, NetworkAssignment, RegionMaterial, RveLifecycle, RveScale};
 
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Model {
@@ -38,6 +40,9 @@ impl Model {
         }
     }
 }
+
+/// The range of fiber volume fractions.
+pub(crate) const FRACTIONS: Range = Range::above_to(0.0, 1.0);
 
 const NAMED_REGION: &str = "the name of a physical volume, or \"*\" for every volume not named";
 
@@ -75,7 +80,7 @@ pub(super) fn regions(root: &mut Table<'_>, base: &Path) -> Vec<RegionCase> {
     regions
 }
 
-fn read(mut table: Table<'_>, base: &Path) -> Option<RegionMaterial<FormulaCase>> {
+fn read(mut table: Table<'_>, base: &Path) -> Option<MaterialCase> {
     let material = match model(&mut table, |_| true)? {
         Model::Formula(model) => formula::read(model, &mut table, base).map(RegionMaterial::Formula),
         Model::FiberRve => fiber_rve(&mut table, base).map(RegionMaterial::FiberRve),
@@ -98,45 +103,81 @@ fn model(table: &mut Table<'_>, allowed: impl Fn(Model) -> bool) -> Option<Model
     found
 }
 
-fn fiber_rve(table: &mut Table<'_>, base: &Path) -> Option<FiberRve<FormulaCase>> {
-    let listed = table.require("networks", "network files, such as [\"networks/*.txt\"]");
-    let networks = listed.and_then(|value| {
-        let files = networks::resolve(&value, base)?;
-        if files.is_empty() && !table.has("matrix") {
-            value.report_invalid(
-                networks::EXPECTED,
-                "name at least one network file, or add a `matrix`, which is then the only material",
-            );
-            return None;
-        }
-        Some(files)
-    });
+fn fiber_rve(table: &mut Table<'_>, base: &Path) -> Option<FiberRve<FormulaCase, NetworkChoice, FieldCase>> {
+    let networks = networks(table, base);
     // Without fibers the RVE is its matrix alone: the single-scale material, evaluated by the micro scale.
-    let bare = networks.as_ref().is_some_and(Vec::is_empty);
-    let assignment =
-        table.choice("choose", &[("random", NetworkAssignment::Random), ("cycle", NetworkAssignment::Cycle)]);
+    let bare = networks.as_ref().is_some_and(|(files, _)| files.is_empty());
     let seed = table.integer("seed", 0..=i64::MAX.unsigned_abs());
     let scaled = table.has("fiber_volume_fraction") || table.has("scale");
     let scale = match (!bare || scaled).then(|| table.either("fiber_volume_fraction", "scale")).flatten() {
         Some(Either::First(fraction)) => {
-            fraction.number(Range::between(0.0, 1.0)).map(StressScale::FiberVolumeFraction)
+            ParameterCase::read(&fraction, FRACTIONS, base).map(|fraction| match fraction {
+                ParameterCase::Number(fraction) => StressScale::FiberVolumeFraction(fraction).into(),
+                ParameterCase::Field(field) => RveScale::Fractions(field),
+            })
         }
-        Some(Either::Second(scale)) => scale.choice(&[("raw", StressScale::Raw)]),
-        None => bare.then_some(StressScale::Raw),
+        Some(Either::Second(scale)) => scale.choice(&[("raw", StressScale::Raw)]).map(RveScale::from),
+        None => bare.then_some(StressScale::Raw.into()),
     };
     let law = table.table("law").map(|table| law::read(table, base));
     let has_matrix = table.has("matrix");
     let matrix = table.table("matrix").map(|table| matrix(table, base));
     let lifecycle = table.table("life").map(|table| lifecycle(table, has_matrix)).unwrap_or_default();
+    let (networks, assignment) = networks?;
     Some(FiberRve {
-        networks: networks?,
-        assignment: assignment.unwrap_or(NetworkAssignment::Random),
+        networks,
+        assignment,
         seed: seed.unwrap_or(1),
         scale: scale?,
         law: law.flatten(),
         matrix: matrix.flatten(),
         lifecycle,
     })
+}
+
+/// Reads the networks, and how they are assigned to points.
+fn networks(table: &mut Table<'_>, base: &Path) -> Option<(Vec<PathBuf>, NetworkAssignment<NetworkChoice>)> {
+    let listed = table.require("networks", "network files, such as [\"networks/*.txt\"]");
+    let choose = table.get("choose");
+    let words = [("random", NetworkAssignment::Random), ("cycle", NetworkAssignment::Cycle)];
+    let word = choose.as_ref().filter(|choose| choose.inner.is_str()).map(|choose| choose.choice(&words));
+    let value = listed?;
+    let networks::Listed { mut files, pattern } = networks::resolve(&value, base)?;
+    if files.is_empty() && !table.has("matrix") {
+        value.report_invalid(
+            networks::EXPECTED,
+            "name at least one network file, or add a `matrix`, which is then the only material",
+        );
+        return None;
+    }
+    let assignment = match (choose, pattern) {
+        (Some(choose), pattern) if choose.inner.is_table() => {
+            let is_index = pattern.is_none();
+            let choice = NetworkChoice::read(&choose, pattern, base)?;
+            if is_index {
+                // An index counts the files as they are listed.
+                return Some((files, NetworkAssignment::Field(choice)));
+            }
+            NetworkAssignment::Field(choice)
+        }
+        (_, Some(pattern)) => {
+            let names = pattern.names().join("`, `");
+            let complaint = format!("has a path with places for `{names}`, but `choose` has no fields for them");
+            let cure = format!("add `choose = {{ {} = ... }}`", pattern.names().join(" = ..., "));
+            value.report_error(&complaint, networks::EXPECTED, cure);
+            return None;
+        }
+        (None, None) => NetworkAssignment::Random,
+        (Some(_), None) if word.is_some() => word??,
+        (Some(choose), None) => {
+            let cure = format!("write one of these, or a table such as {{ {INDEX} = {{ cells = \"network\" }} }}");
+            choose.report_invalid("\"random\", \"cycle\", or fields that choose networks", cure);
+            return None;
+        }
+    };
+    files.sort();
+    files.dedup();
+    Some((files, assignment))
 }
 
 /// Reads when RVEs are created, sleep and are deleted. Reports an error if the matrix must replace the network but

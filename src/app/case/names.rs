@@ -1,13 +1,13 @@
 //! Comparison of the names in a case with those of its mesh.
 
+use std::path::Path;
+
 use crate::input::{InputError, InputErrors, excerpt};
 
-use super::data::{Case, ConstraintCase, MeshSource};
-use super::formula::FormulaCase;
+use super::data::{Case, ConstraintCase, MaterialCase, MeshSource};
 use super::problems::{alternatives, nearest};
-use crate::app::vtu;
 use crate::fem::constraint::{ConstrainedVolume, VolumeConstraint};
-use crate::tissue::materials::{OTHER_REGIONS, RegionMaterial, find_region};
+use crate::tissue::materials::{OTHER_REGIONS, find_region};
 
 impl Case {
     /// Returns the index of the `[[region]]` for a region of the mesh: the one with its name, or else `*`.
@@ -16,7 +16,7 @@ impl Case {
     }
 
     /// Returns the material of a region of the mesh.
-    pub fn material_of(&self, region: &str) -> Option<&RegionMaterial<FormulaCase>> {
+    pub fn material_of(&self, region: &str) -> Option<&MaterialCase> {
         self.region_of(region).map(|number| &self.regions[number].material)
     }
 
@@ -72,6 +72,7 @@ impl Case {
         known: &[String],
         (other_kind, others): (&str, &[String]),
     ) -> InputError {
+        let is_empty = known.is_empty() && matches!(self.mesh, MeshSource::File(_));
         let known = || known.iter().map(String::as_str);
         let expected = match known().next() {
             Some(_) => format!("a {kind} of the mesh: {}", alternatives(known(), '"')),
@@ -82,18 +83,36 @@ impl Case {
             None if others.iter().any(|other| other == name) => {
                 format!("\"{name}\" is a {other_kind} of the mesh: name a {kind}")
             }
-            None if self.is_mesh_vtu() => format!(
+            None if self.has_ending("vtu") => format!(
                 "choose one of these: a .vtu file numbers its groups by an integer array `region` of the cells, \
                  here `{kind}_1` for the value 1; surfaces consist of 2-D cells"
             ),
+            None if self.has_ending("mesh") => {
+                format!("choose one of these: a .mesh file numbers its groups, here `{kind}_1` for the reference 1")
+            }
+            None if self.has_ending("inp") => match kind {
+                "region" => "choose one of these, or make it an element set of the mesh (*ELSET)".into(),
+                _ => "choose one of these, or make it a surface or a node set of the mesh (*SURFACE, *NSET)".into(),
+            },
+            None if self.has_ending("feb") => match kind {
+                "region" => "choose one of these, or name the <Elements> of the mesh so".into(),
+                _ => "choose one of these, or make it a <Surface> or a <NodeSet> of the mesh".into(),
+            },
+            None if is_empty && kind == "surface" => {
+                "the mesh file has no named surfaces: add a physical group to its geometry (in Gmsh: \
+                 Physical Surface(\"NAME\") = {1, ...};), mesh it again, and save it"
+                    .into()
+            }
             None => "choose one of these, or name it in the mesh as a physical group".into(),
         };
         let what = format!("the mesh{} has no {kind} \"{}\"", self.mesh_file(), excerpt(name));
         InputError::at_line(&self.file, line, what, expected, cure)
     }
 
-    fn is_mesh_vtu(&self) -> bool {
-        matches!(&self.mesh, MeshSource::File(file) if vtu::is_vtu(file))
+    /// Returns true if the mesh is a file whose name ends so.
+    fn has_ending(&self, ending: &str) -> bool {
+        let is_so = |file: &Path| file.extension().is_some_and(|of| of.eq_ignore_ascii_case(ending));
+        matches!(&self.mesh, MeshSource::File(file) if is_so(file))
     }
 
     /// Returns the path of the mesh file with a leading space, or an empty string for a generated mesh.

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use super::choice::NetworkPattern;
 use super::problems::nearest;
 use super::value::Value;
 
@@ -10,43 +11,68 @@ const COMPANIONS: [&str; 2] = ["params", "toml"];
 
 pub(super) const EXPECTED: &str = "network files: paths or patterns with * ? [...], relative to the case file";
 
-/// Returns the files that `networks` (a string or a list of strings) names, sorted and without duplicates; an empty
-/// list gives an empty vector. Reports every error and then returns `None`.
-pub(super) fn resolve(networks: &Value<'_>, base: &Path) -> Option<Vec<PathBuf>> {
+/// The networks of a material.
+pub(super) struct Listed {
+    /// The files in the order in which they are listed, those of each pattern by the numbers in
+    /// their names.
+    pub files: Vec<PathBuf>,
+    /// The pattern that matches the files, if it has places for numbers.
+    pub pattern: Option<NetworkPattern>,
+}
+
+/// Returns the files that `networks` (a string or a list of strings) names; an empty list gives none. Reports every error
+/// and then returns `None`.
+pub(super) fn resolve(networks: &Value<'_>, base: &Path) -> Option<Listed> {
     let patterns = if networks.inner.is_str() {
         vec![networks.clone()]
     } else {
         networks.list(EXPECTED, "a path in quotes, or a list of them in brackets")?
     };
-    let mut files = Vec::new();
+    let mut listed = Listed { files: Vec::new(), pattern: None };
     let mut complete = true;
-    for pattern in &patterns {
-        match pattern.text(EXPECTED).and_then(|text| matches(pattern, text, base)) {
-            Some(found) => files.extend(found),
+    for value in &patterns {
+        match value.text(EXPECTED).and_then(|text| matches(value, text, base)) {
+            Some(found) => {
+                listed.files.extend(found.files);
+                listed.pattern = listed.pattern.or(found.pattern);
+            }
             None => complete = false,
         }
     }
-    files.sort();
-    files.dedup();
-    complete.then_some(files)
+    if complete && listed.pattern.is_some() && patterns.len() > 1 {
+        let cure = "name all networks by one path with places, or list them and choose by `index`";
+        networks.report_error("has a path with places in braces and other paths", EXPECTED, cure);
+        return None;
+    }
+    complete.then_some(listed)
 }
 
 /// Returns the files of one path or pattern. An existing file with exactly this name takes precedence over the pattern.
-fn matches(value: &Value<'_>, text: &str, base: &Path) -> Option<Vec<PathBuf>> {
+fn matches(value: &Value<'_>, text: &str, base: &Path) -> Option<Listed> {
     let literal = base.join(text);
     if literal.is_file() {
-        return Some(vec![literal]);
+        return Some(Listed { files: vec![literal], pattern: None });
     }
+    let pattern = match NetworkPattern::parse(text) {
+        Ok(pattern) => pattern.map(|pattern| pattern.in_folder(base)),
+        Err(reason) => {
+            let cure = "write a place as {angle} or {angle:02}, and a brace in a name twice";
+            value.report_error(&format!("has {text:?}, which is not a pattern: {reason}"), EXPECTED, cure);
+            return None;
+        }
+    };
     if literal.is_dir() {
         let cure = format!("write \"{}/*.txt\"", text.trim_end_matches('/'));
         value.report_error(&format!("names {text:?}, which is a folder"), EXPECTED, cure);
         return None;
     }
-    if !text.contains(['*', '?', '[']) {
+    if pattern.is_none() && !text.contains(['*', '?', '[']) {
         value.report_error(&format!("names {text:?}, but this file does not exist"), EXPECTED, missing_file(&literal));
         return None;
     }
-    let whole = if Path::new(text).is_absolute() {
+    let whole = if let Some(pattern) = &pattern {
+        pattern.glob()
+    } else if Path::new(text).is_absolute() {
         text.to_string()
     } else {
         Path::new(&glob::Pattern::escape(&base.to_string_lossy())).join(text).to_string_lossy().into_owned()
@@ -79,7 +105,24 @@ fn matches(value: &Value<'_>, text: &str, base: &Path) -> Option<Vec<PathBuf>> {
         );
         return None;
     }
-    Some(found)
+    found.sort_by_cached_key(|path| natural_order(path));
+    Some(Listed { files: found, pattern })
+}
+
+/// Returns a key by which paths are sorted so that numbers in them count, `a-2` before `a-10`.
+fn natural_order(path: &Path) -> (Vec<(String, u64)>, PathBuf) {
+    let (mut parts, mut text, mut number) = (Vec::new(), String::new(), None::<u64>);
+    for letter in path.to_string_lossy().chars() {
+        match letter.to_digit(10) {
+            Some(digit) => number = Some(number.unwrap_or(0).saturating_mul(10).saturating_add(digit.into())),
+            None => {
+                parts.extend(number.take().map(|number| (std::mem::take(&mut text), number)));
+                text.push(letter);
+            }
+        }
+    }
+    parts.push((text, number.unwrap_or(0)));
+    (parts, path.into())
 }
 
 /// Returns the cure for a pattern without matches, with the folder that was searched.
@@ -88,7 +131,7 @@ fn nothing_found(pattern: &Path, companions: usize) -> String {
         .parent()
         .unwrap_or(pattern)
         .components()
-        .take_while(|part| !part.as_os_str().to_string_lossy().contains(['*', '?', '[']))
+        .take_while(|part| !part.as_os_str().to_string_lossy().contains(['*', '?', '[', '{']))
         .collect();
     if !folder.is_dir() {
         return format!("there is no folder {}: create it or correct the pattern", folder.display());
@@ -112,5 +155,18 @@ pub(super) fn missing_file(file: &Path) -> String {
     match nearest(name, names.iter().map(String::as_str)) {
         Some(near) => format!("{} holds \"{near}\": did you mean that?", folder.display()),
         None => format!("no such file in {}: put it there or correct the path", folder.display()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_in_names_count() {
+        let mut names = ["d/a-10.txt", "d/a-2-b-1.txt", "d/a-2.txt", "d/b.txt", "d/a-02-b-03.txt"].map(PathBuf::from);
+        names.sort_by_cached_key(|path| natural_order(path));
+        let expected = ["d/a-2-b-1.txt", "d/a-02-b-03.txt", "d/a-2.txt", "d/a-10.txt", "d/b.txt"].map(PathBuf::from);
+        assert_eq!(names, expected);
     }
 }

@@ -57,6 +57,11 @@ pub enum FieldSource {
         /// The name of the array.
         array: String,
     },
+    /// The values on a regular grid ([`crate::app::material_fields`] describes the file); those of its cells.
+    Grid {
+        /// The file.
+        file: PathBuf,
+    },
     /// Columns of a CSV file.
     Columns {
         /// The file.
@@ -155,7 +160,7 @@ pub(crate) fn direction(vector: Vector3<f64>) -> Option<Vector3<f64>> {
 }
 
 impl FieldCase {
-    fn new(source: FieldSource, value: &Value<'_>) -> Self {
+    pub(super) fn new(source: FieldSource, value: &Value<'_>) -> Self {
         Self { source, key: value.path.clone(), line: value.line }
     }
 }
@@ -166,21 +171,37 @@ impl FieldSource {
         match self {
             Self::Expression(_) => None,
             Self::Cells { file, .. } => file.as_mut(),
-            Self::Columns { file, .. } => Some(file),
+            Self::Grid { file } | Self::Columns { file, .. } => Some(file),
         }
     }
 
-    /// Reads `{ cells = "NAME" }`, `{ file = "F.vtu", cells = "NAME" }`, `{ file = "F.csv", column = "NAME" }` or, for
-    /// several components, `{ file = "F.csv", columns = ["NAME", ...] }`.
+    /// Reads `{ cells = "NAME" }`, `{ file = "F.vtu", cells = "NAME" }`, `{ file = "F.csv", column = "NAME" }`,
+    /// `{ grid = "FILE" }` or, for several components, `{ file = "F.csv", columns = ["NAME", ...] }`.
     fn read(value: &Value<'_>, components: usize, base: &Path) -> Option<Self> {
         let mut table = value.table()?;
-        let file = table.get("file");
+        let source = Self::read_from(value, &mut table, components, base);
+        table.report_unknown_keys();
+        source
+    }
+
+    /// Reads a source from a table that may have other keys too.
+    pub(super) fn read_from(value: &Value<'_>, table: &mut Table<'_>, components: usize, base: &Path) -> Option<Self> {
         let expected = "a file that exists; a path is relative to the case file";
+        if components == 1
+            && let Some(grid) = table.get("grid")
+        {
+            for key in ["file", "cells", "column"] {
+                if table.get(key).is_some() {
+                    let complaint = format!("has `{key}` in addition to `grid`, which names the file");
+                    value.report_error(&complaint, "one source of values", "remove one of them");
+                }
+            }
+            return Some(Self::Grid { file: grid.existing_file(base, expected)? });
+        }
+        let file = table.get("file");
         let path = file.as_ref().map(|file| file.existing_file(base, expected));
         let column = if components == 1 { "column" } else { "columns" };
-        let given = table.one_of(&["cells", column]);
-        table.report_unknown_keys();
-        let (key, given) = given?;
+        let (key, given) = table.one_of(&["cells", column])?;
         if key == "cells" {
             let array = given.text("the name of an array of the cells of a .vtu file")?.to_owned();
             let path = path.map_or(Some(None), |path| path.map(Some))?;
@@ -213,10 +234,19 @@ impl FieldSource {
         Some(Self::Columns { file: path, columns })
     }
 
-    fn toml(&self) -> String {
+    pub(super) fn toml(&self) -> String {
+        match self {
+            Self::Expression(expression) => quoted(expression.text()),
+            source => table("", source.entries()).1,
+        }
+    }
+
+    /// Formats the keys of the table of a source; none of an expression.
+    pub(super) fn entries(&self) -> Vec<Entry<'static>> {
         let path = |file: &PathBuf| ("file", quoted(&file.to_string_lossy()));
-        let entries: Vec<Entry<'_>> = match self {
-            Self::Expression(expression) => return quoted(expression.text()),
+        match self {
+            Self::Expression(_) => Vec::new(),
+            Self::Grid { file } => vec![("grid", quoted(&file.to_string_lossy()))],
             Self::Cells { file, array } => file.iter().map(path).chain([("cells", quoted(array))]).collect(),
             Self::Columns { file, columns } => {
                 let names: Vec<String> = columns.iter().map(|column| quoted(column)).collect();
@@ -226,8 +256,7 @@ impl FieldSource {
                 };
                 vec![path(file), columns]
             }
-        };
-        table("", entries).1
+        }
     }
 }
 

@@ -32,9 +32,18 @@ impl Range {
         Self { low: Excluded(low), high: Excluded(high), unit: "" }
     }
 
+    /// Every number above `low` up to `high`, which is included.
+    pub(super) const fn above_to(low: f64, high: f64) -> Self {
+        Self { low: Excluded(low), high: Included(high), unit: "" }
+    }
+
     /// Every number from `low` to `high`, both included.
     pub(super) const fn from_to(low: f64, high: f64) -> Self {
         Self { low: Included(low), high: Included(high), unit: "" }
+    }
+
+    fn is_above(&self) -> bool {
+        matches!(self.low, Excluded(_))
     }
 
     pub(crate) fn contains(&self, value: f64) -> bool {
@@ -50,6 +59,7 @@ impl Range {
             Unbounded => String::new(),
         };
         match self.high {
+            Included(high) if self.is_above() => text += &format!(" and at most {high}"),
             Included(high) => text += &format!(" to {high}"),
             Excluded(high) => text += &format!(" and below {high}"),
             Unbounded => {}

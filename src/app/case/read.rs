@@ -106,12 +106,24 @@ fn folder_of(path: &Path) -> Result<PathBuf, InputError> {
     std::path::absolute(folder).map_err(|error| InputError::unreadable(path, &error))
 }
 
+/// Returns true if the first value of a line of TOML is a number with a decimal comma, outside of a list.
+fn has_decimal_comma(line: &str) -> bool {
+    line.split('=').skip(1).any(|value| {
+        let value = value.trim_start().trim_start_matches(['+', '-']);
+        let rest = value.trim_start_matches(|c: char| c.is_ascii_digit());
+        rest.len() < value.len()
+            && rest.strip_prefix(',').is_some_and(|rest| rest.starts_with(|c: char| c.is_ascii_digit()))
+    })
+}
+
 /// Converts a TOML syntax error to an input error that shows the text of the line.
 fn syntax_error(problems: &Problems<'_>, path: &Path, text: &str, error: &toml::de::Error) -> InputError {
     let line = problems.line_of(error.span().map_or(0, |span| span.start));
     let content = excerpt(text.lines().nth(line - 1).unwrap_or_default());
     let what = format!("not TOML: {} in `{content}`", excerpt(&error.message().replace('\n', ", ")));
-    let (expected, cure) = if error.message().starts_with("duplicate key") {
+    let (expected, cure) = if has_decimal_comma(&content) {
+        ("numbers with a decimal point, such as 0.5", "write a decimal point instead of the comma")
+    } else if error.message().starts_with("duplicate key") {
         (
             "each key once in its table, each [header] once in the file",
             "remove one of the two, or write [[header]] for a list",

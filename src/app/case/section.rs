@@ -42,7 +42,8 @@ pub(super) fn mesh(root: &mut Table<'_>, base: &Path) -> Option<MeshSection> {
     let scale = table.number("scale", Range::above(0.0, "m for a mesh unit")).unwrap_or(1.0);
     let (source, line) = match table.either("file", "generate") {
         Some(Either::First(file)) => {
-            let expected = "a Gmsh .msh file or a VTK .vtu file that exists; a path is relative to the case file";
+            let expected =
+                "a mesh file that exists (.msh, .vtu, .inp, .mesh or .feb); a path is relative to the case file";
             (file.existing_file(base, expected).map(MeshSource::File), file.line)
         }
         Some(Either::Second(generate)) => (generate.table().and_then(generated), generate.line),

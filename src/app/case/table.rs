@@ -3,7 +3,7 @@
 use std::fmt::Display;
 use std::ops::RangeInclusive;
 
-use toml::de::{DeTable, DeValue};
+use toml::de::{DeString, DeTable, DeValue};
 
 use super::problems::{Problems, alternatives, nearest};
 use super::range::Range;
@@ -210,6 +210,16 @@ impl<'d> Table<'d> {
         }
         let unnumbered = |element| Value { path: value.path.clone(), ..element };
         elements.into_iter().map(unnumbered).filter_map(|element| element.table()).collect()
+    }
+
+    /// Returns all keys with their values, for a table whose keys are names that the user chose.
+    pub(super) fn all(&self) -> Vec<(&'d str, Value<'d>)> {
+        let value = |(name, value): (&'d toml::Spanned<DeString<'d>>, &'d toml::Spanned<DeValue<'d>>)| {
+            let key = name.get_ref().as_ref();
+            let line = self.problems.line_of(name.span().start);
+            (key, Value { problems: self.problems, path: self.path_of(&excerpt(key)), line, inner: value.get_ref() })
+        };
+        self.entries.iter().map(value).collect()
     }
 
     /// Returns true if the table has this key, read or not.

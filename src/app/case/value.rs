@@ -122,9 +122,9 @@ impl<'d> Value<'d> {
     }
 
     /// Reads one of the given keywords.
-    pub(super) fn choice<T: Copy>(&self, words: &[(&'static str, T)]) -> Option<T> {
-        let names: Vec<&str> = words.iter().map(|&(name, _)| name).collect();
-        self.named(&names, |text| words.iter().find(|(name, _)| *name == text).map(|&(_, meaning)| meaning))
+    pub(super) fn choice<T: Clone>(&self, words: &[(&'static str, T)]) -> Option<T> {
+        let names: Vec<&str> = words.iter().map(|(name, _)| *name).collect();
+        self.named(&names, |text| words.iter().find(|(name, _)| *name == text).map(|(_, meaning)| meaning.clone()))
     }
 
     /// Reads a keyword that `meaning` knows; messages list `names`.

@@ -4,7 +4,7 @@
 //! every table that is a value as a section of its own, while checkpoints compare the case line by line.
 
 use std::fmt::Debug;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use crate::fem::boundary::LoadCurve;
 use crate::fem::constraint::{ConstrainedVolume, ConstraintMethod, VolumeConstraint};
@@ -16,15 +16,17 @@ use crate::fiber::equilibrium::Stage;
 use crate::fiber::law::{FiberLaw, FiberMaterial, Law};
 use crate::fiber::rve::StressScale;
 use crate::tissue::materials::{
-    BeforeCreation, ElementSelection, FiberRve, NetworkAssignment, RegionMaterial, RveLifecycle,
+    BeforeCreation, ElementSelection, FiberRve, NetworkAssignment, RegionMaterial, RveLifecycle, RveScale,
 };
 use crate::tissue::two_scale::BalanceParams;
 
+use super::choice::NetworkChoice;
 use super::data::{Case, ConstraintCase, MeshSource, PointPlace, RigidCase, ScalesCase, SurfaceLoad};
 use super::field_names::FieldSelection;
 use super::formula::FormulaCase;
 use super::load::AXES;
 use super::load_value::LoadValue;
+use super::parameter::FieldCase;
 use super::section::LANES;
 use super::solver;
 
@@ -242,21 +244,25 @@ fn quadratic_entries(hexahedra: QuadraticHexahedron) -> [Entry<'static>; 2] {
     [entry("order", 2), entry("hexahedra", nodes)]
 }
 
-fn fiber_rve(rve: &FiberRve<FormulaCase>) -> Vec<Entry<'static>> {
-    let networks: String =
-        rve.networks.iter().map(|file| format!("    {},\n", quoted(&file.to_string_lossy()))).collect();
-    let assignment = match rve.assignment {
-        NetworkAssignment::Random => "random",
-        NetworkAssignment::Cycle => "cycle",
+fn fiber_rve(rve: &FiberRve<FormulaCase, NetworkChoice, FieldCase>) -> Vec<Entry<'static>> {
+    let line = |file: &PathBuf| format!("    {},\n", quoted(&file.to_string_lossy()));
+    let listed = || format!("[\n{}]", rve.networks.iter().map(line).collect::<String>());
+    let (networks, choose) = match &rve.assignment {
+        NetworkAssignment::Random => (listed(), quoted("random")),
+        NetworkAssignment::Cycle => (listed(), quoted("cycle")),
+        NetworkAssignment::Field(choice) => {
+            (choice.pattern.as_ref().map_or_else(listed, |pattern| quoted(&pattern.text())), choice.toml())
+        }
     };
     let mut entries = vec![
         entry("model", "fiber-rve"),
-        ("networks", format!("[\n{networks}]")),
-        entry("choose", assignment),
+        ("networks", networks),
+        ("choose", choose),
         entry("seed", rve.seed),
-        match rve.scale {
-            StressScale::Raw => entry("scale", "raw"),
-            StressScale::FiberVolumeFraction(fraction) => entry("fiber_volume_fraction", fraction),
+        match &rve.scale {
+            RveScale::Uniform(StressScale::Raw) => entry("scale", "raw"),
+            RveScale::Uniform(StressScale::FiberVolumeFraction(fraction)) => entry("fiber_volume_fraction", fraction),
+            RveScale::Fractions(field) => ("fiber_volume_fraction", field.source.toml()),
         },
     ];
     entries.extend(rve.law.as_ref().map(|material| table("law", law(material))));

@@ -6,7 +6,8 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::app::case::{
-    Case, Formula, FormulaCase, MeshSource, OutputCase, RegionMaterial, ScalesCase, formula_entries,
+    Case, FiberRve, Formula, FormulaCase, MeshSource, NetworkAssignment, NetworkPattern, OutputCase, RegionMaterial,
+    RveScale, ScalesCase, formula_entries,
 };
 use crate::checksum::Fnv;
 use crate::fem::element::CellType;
@@ -47,8 +48,8 @@ pub enum Mismatch {
     /// The meshes differ.
     #[error("the mesh differs (nodes, elements, regions or surfaces)")]
     Mesh,
-    /// The values of material parameters or axes differ.
-    #[error("the material fields differ (parameters or axes by element)")]
+    /// The values of material parameters or axes, the choice of networks or the fiber volume fractions differ.
+    #[error("the material fields differ (parameters, axes, networks or fiber volume fractions by element)")]
     Fields,
     /// The networks differ.
     #[error("the fiber networks differ (nodes, fibers or materials)")]
@@ -122,6 +123,13 @@ fn text_of(case: &Case) -> String {
             RegionMaterial::Formula(formula) => Some(formula),
             RegionMaterial::FiberRve(rve) => {
                 rve.networks.iter_mut().for_each(|file| *file = name_of(file));
+                if let NetworkAssignment::Field(choice) = &mut rve.assignment {
+                    choice.pattern.iter_mut().for_each(NetworkPattern::remove_folders);
+                    choice.files_mut().for_each(|file| *file = name_of(file));
+                }
+                if let RveScale::Fractions(field) = &mut rve.scale {
+                    field.source.file_mut().into_iter().for_each(|file| *file = name_of(file));
+                }
                 rve.matrix.as_mut()
             }
         };
@@ -137,11 +145,15 @@ fn text_of(case: &Case) -> String {
 /// The table below the case that holds the hash of the fields.
 const FIELDS: &str = "[fields]";
 
-/// Returns a table with the hash of all formulas that are not the same at all points, or nothing without any. The hash
-/// is part of the text, so that cases without fields have the same identity as in earlier versions.
+/// Returns a table with the hash of all formulas that are not the same at all points, of networks chosen by fields, and of
+/// fiber volume fractions that vary, or nothing without any. The hash is part of the text, so that cases without fields
+/// have the same identity as in earlier versions.
 fn fields_of(field: &impl TissueMaterial) -> String {
     let mut hash = None;
     for region in field.library().regions() {
+        if let RegionMaterial::FiberRve(rve) = &region.material {
+            hash_network_fields(&region.name, rve, &mut hash);
+        }
         let Some(formulas) = region.material.formula() else { continue };
         let is_custom = formulas.distinct().iter().any(|formula| matches!(**formula, Formula::Custom(_)));
         if !is_custom && matches!(formulas, Formulas::Uniform(_)) {
@@ -158,6 +170,22 @@ fn fields_of(field: &impl TissueMaterial) -> String {
         }
     }
     hash.map_or_else(String::new, |hash| format!("{FIELDS}\nhash = {:016x}\n", hash.finish()))
+}
+
+fn hash_network_fields(region: &str, rve: &FiberRve, hash: &mut Option<Fnv>) {
+    if let NetworkAssignment::Field(networks) = &rve.assignment {
+        let hash = hash.get_or_insert_with(Fnv::new);
+        hash.add_str(region);
+        hash.add_str("networks");
+        networks.of_point().iter().for_each(|&network| hash.add_u64(network.into()));
+    }
+    if let RveScale::Fractions(fractions) = &rve.scale {
+        let hash = hash.get_or_insert_with(Fnv::new);
+        hash.add_str(region);
+        hash.add_str("fiber_volume_fraction");
+        // NaN, outside of the region, may have any bits.
+        fractions.of_point().iter().for_each(|&fraction| hash.add_f64(if fraction.is_nan() { 0.0 } else { fraction }));
+    }
 }
 
 fn name_of(file: &Path) -> PathBuf {

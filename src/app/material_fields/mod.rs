@@ -1,9 +1,22 @@
-//! Material parameters and fiber axes that vary over the body: their values at the integration points of a mesh.
+//! Material parameters, fiber axes, networks and fiber volume fractions that vary over the body: their values at the
+//! integration points of a mesh.
 //!
-//! An expression is evaluated at the reference position of each point; values of cells and rows of a CSV file belong to
-//! all points of an element. Points with bitwise equal parameters share one formula. The values depend only on the case,
-//! the mesh and the files, so that all ranks find the same.
+//! An expression is evaluated at the reference position of each point, and a grid has one value in each of its cells;
+//! values of cells of the mesh and rows of a CSV file belong to all points of an element. Points with bitwise equal
+//! parameters share one formula. The values depend only on the case, the mesh and the files, so that all ranks find the
+//! same.
+//!
+//! # Grids
+//!
+//! A grid is a text file of numbers between blanks, commas or line breaks, with comments from `#` to the end of a line:
+//!
+//! ```text
+//! # lowest corner, edges of a cell (mesh units), numbers of cells
+//! 0 0 0   0.5 1 1   4 1 1
+//! 3.1 3.3 2.9 2.7                          # the values, those along x first, then along y, then along z
+//! ```
 
+mod networks;
 mod values;
 
 use std::collections::HashMap;
@@ -16,7 +29,7 @@ use super::case::{Case, FieldFormula, FormulaCase, MeshSource, RegionCase, Unsta
 use super::vtu;
 use crate::fem::mesh::{IntegrationPoint, Mesh};
 use crate::input::{InputError, InputErrors};
-use crate::tissue::materials::{Formula, Formulas, Materials, PointFormulas, Region};
+use crate::tissue::materials::{Formula, Formulas, Materials, PointFormulas, Region, RegionMaterial};
 use values::{AxisValues, Files, ParameterValues};
 
 /// The materials of a body with the ranges of the fields in them.
@@ -50,18 +63,12 @@ pub fn resolve(case: &Case, mesh: &Mesh) -> Result<ResolvedMaterials, InputError
     let (mut regions, mut ranges, mut errors) = (Vec::new(), Vec::new(), Vec::new());
     let files = Files::default();
     for (number, region) in case.regions.iter().enumerate() {
-        let material = region.material.try_map(|formula| match formula {
-            FormulaCase::Constant(formula) => Ok(Formulas::from(formula.clone())),
-            FormulaCase::Field(field) => {
-                let body = Body { case, mesh, region, number, files: &files };
-                formulas_of(&body, field).map(|(formulas, of_region)| {
-                    ranges.extend(of_region);
-                    formulas
-                })
+        let body = Body { case, mesh, region, number, files: &files };
+        match material_of(&body) {
+            Ok((material, of_region)) => {
+                ranges.extend(of_region);
+                regions.push(Region { name: region.name.clone(), material });
             }
-        });
-        match material {
-            Ok(material) => regions.push(Region { name: region.name.clone(), material }),
             Err(InputErrors(new)) => errors.extend(new),
         }
     }
@@ -118,6 +125,26 @@ impl Extent {
 
     fn add(&mut self, value: f64) {
         self.0 = [self.0[0].min(value), self.0[1].max(value)];
+    }
+}
+
+/// Evaluates the fields of a region; also returns their ranges.
+fn material_of(body: &Body<'_>) -> Result<(RegionMaterial, Vec<FieldRange>), InputErrors> {
+    let formulas = |formula: &FormulaCase| match formula {
+        FormulaCase::Constant(formula) => Ok((Formulas::from(formula.clone()), Vec::new())),
+        FormulaCase::Field(field) => formulas_of(body, field),
+    };
+    match &body.region.material {
+        RegionMaterial::Formula(formula) => {
+            formulas(formula).map(|(formulas, ranges)| (RegionMaterial::Formula(formulas), ranges))
+        }
+        RegionMaterial::FiberRve(rve) => {
+            let (matrix, mut ranges) = rve.matrix.as_ref().map(formulas).transpose()?.unzip();
+            let (rve, of_networks) = networks::resolve(body, rve, matrix)?;
+            let ranges = ranges.get_or_insert_default();
+            ranges.extend(of_networks);
+            Ok((RegionMaterial::FiberRve(rve), std::mem::take(ranges)))
+        }
     }
 }
 

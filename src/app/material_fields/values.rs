@@ -2,12 +2,15 @@
 
 mod columns;
 mod files;
+mod grid;
 
 use std::path::{Path, PathBuf};
+use std::rc::Rc;
 
 use nalgebra::Vector3;
 
 pub(super) use files::Files;
+use grid::Grid;
 
 use super::{Body, Place, unit};
 use crate::app::case::{AxisCase, FieldCase, FieldFormula, FieldSource, ParameterCase, Range};
@@ -32,6 +35,8 @@ pub(super) enum Values<'a, const N: usize> {
     Constant([f64; N]),
     Expression(&'a FieldCase, &'a Path),
     Elements(ElementValues<N>),
+    /// A grid, whose lengths are in mesh units of this many meters.
+    Grid(Rc<Grid>, f64),
 }
 
 /// One value per element of the mesh.
@@ -110,7 +115,11 @@ impl<'a> AxisValues<'a> {
 }
 
 impl<'a> Values<'a, 1> {
-    fn of_parameter(body: &Body<'a>, parameter: &'a ParameterCase, elements: &[usize]) -> Result<Self, InputErrors> {
+    pub(super) fn of_parameter(
+        body: &Body<'a>,
+        parameter: &'a ParameterCase,
+        elements: &[usize],
+    ) -> Result<Self, InputErrors> {
         match parameter {
             ParameterCase::Number(number) => Ok(Self::Constant([*number])),
             ParameterCase::Field(field) => Self::of_field(body, field, elements),
@@ -119,7 +128,7 @@ impl<'a> Values<'a, 1> {
 }
 
 impl<'a, const N: usize> Values<'a, N> {
-    fn of_field(body: &Body<'a>, field: &'a FieldCase, elements: &[usize]) -> Result<Self, InputErrors> {
+    pub(super) fn of_field(body: &Body<'a>, field: &'a FieldCase, elements: &[usize]) -> Result<Self, InputErrors> {
         Ok(match &field.source {
             FieldSource::Expression(_) => Self::Expression(field, &body.case.file),
             FieldSource::Cells { file, array } => {
@@ -130,6 +139,7 @@ impl<'a, const N: usize> Values<'a, N> {
                 })?;
                 Self::Elements(cells(body, file, array)?)
             }
+            FieldSource::Grid { file } => Self::Grid(body.files.grid(file)?, body.case.mesh_scale),
             FieldSource::Columns { file, columns } => {
                 let rows = body.files.rows(file)?;
                 Self::Elements(columns::parse(file, &rows, columns, (body.mesh.elements().len(), elements))?)
@@ -137,7 +147,8 @@ impl<'a, const N: usize> Values<'a, N> {
         })
     }
 
-    fn at(&self, place: Place) -> [f64; N] {
+    /// Returns the values at a point; NaN where there are none.
+    pub(super) fn at(&self, place: Place) -> [f64; N] {
         match self {
             Self::Constant(values) => *values,
             Self::Expression(field, _) => match &field.source {
@@ -145,15 +156,31 @@ impl<'a, const N: usize> Values<'a, N> {
                 _ => [f64::NAN; N],
             },
             Self::Elements(elements) => elements.values[place.point.element as usize],
+            Self::Grid(grid, unit) => [grid.at(place.position.map(|x| x / unit)).unwrap_or(f64::NAN); N],
         }
     }
 
-    fn varies(&self) -> bool {
+    /// Returns the least and the greatest value of all that a file has; `None` of others, or without any.
+    pub(super) fn extent(&self) -> Option<[f64; 2]> {
+        let of = |values: &mut dyn Iterator<Item = f64>| {
+            let finite = values.filter(|value| value.is_finite());
+            finite.fold(None, |extent: Option<[f64; 2]>, value| {
+                Some(extent.map_or([value; 2], |[low, high]| [low.min(value), high.max(value)]))
+            })
+        };
+        match self {
+            Self::Constant(_) | Self::Expression(..) => None,
+            Self::Elements(elements) => of(&mut elements.values.iter().flatten().copied()),
+            Self::Grid(grid, _) => of(&mut grid.values().iter().copied()),
+        }
+    }
+
+    pub(super) fn varies(&self) -> bool {
         !matches!(self, Self::Constant(_))
     }
 
     /// Reports an invalid value; `of` returns what is invalid, given the key of an expression.
-    fn error(&self, place: Place, value: &str, expected: &str, of: impl Fn(&str) -> &str) -> InputError {
+    pub(super) fn error(&self, place: Place, value: &str, expected: &str, of: impl Fn(&str) -> &str) -> InputError {
         let [x, y, z] = place.position;
         match self {
             Self::Constant(_) => InputError::in_file(Path::new(""), value, expected, "correct the number"),
@@ -163,6 +190,7 @@ impl<'a, const N: usize> Values<'a, N> {
                 InputError::at_line(file, field.line, problem, expected, "correct the expression")
             }
             Self::Elements(elements) => elements.error(place.point.element as usize, value, expected),
+            Self::Grid(grid, unit) => grid.error(place.position.map(|x| x / unit), place.point, value, expected),
         }
     }
 }

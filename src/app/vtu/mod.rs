@@ -25,7 +25,7 @@ mod tests;
 use std::path::Path;
 
 use crate::fem::mesh::gmsh::MeshFile;
-use crate::fem::mesh::parts::{Parts, make_upright};
+use crate::fem::mesh::parts::{Parts, make_upright, reversed_warning};
 use crate::fem::mesh::{Elements, MeshError};
 use crate::input::InputError;
 
@@ -71,10 +71,7 @@ pub fn read(path: &Path) -> Result<MeshFile, InputError> {
     }
     let (regions, region_of) = array.regions(&cell_of);
     let groups = array.surfaces(&cells);
-    let mut warnings = Vec::new();
-    if reversed > 0 {
-        warnings.push(format!("{reversed} elements had a negative volume and have been reversed"));
-    }
+    let warnings = reversed_warning(reversed).into_iter().collect();
     let parts = Parts { nodes, elements, region_of, regions, groups };
     parts.into_mesh(warnings, |error, groups| {
         let cell = match error {

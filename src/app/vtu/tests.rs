@@ -277,7 +277,7 @@ fn inverted_elements_and_unused_nodes_are_corrected() {
     let MeshFile { mesh, warnings } = parsed(TEXT.as_bytes()).unwrap();
     assert_eq!(
         warnings,
-        ["1 elements had a negative volume and have been reversed", "1 nodes belong to no element and are left out"]
+        ["1 element had a negative volume and has been reversed", "1 node belongs to no element and is left out"]
     );
     assert_eq!((mesh.regions(), mesh.nodes().len()), (&["region_-3".to_owned()][..], 4));
     assert_eq!(mesh.surface_names().collect::<Vec<_>>(), ["surface_4"]);

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use biotissue::app::case::{Case, RveParams};
+use biotissue::app::case::{Case, RegionCase, RegionMaterial, RveParams};
 use biotissue::app::checkpoint::CheckpointError;
 use biotissue::app::macro_scale::hint_of_constraint;
 use biotissue::app::results::ResultsError;
@@ -64,13 +64,32 @@ const TOO_FAR: &str = "from the start: check the supports of the body, and the s
 
 /// Returns the suggested cure for a failed load step.
 pub fn cure_of_step<F: std::error::Error + 'static>(reason: &StepFailure<TissueFieldError, F>, case: &Case) -> String {
-    let cure = cure_of_reason(reason, &case.micro);
+    let cure = match reason {
+        NewtonError::Problem(EquilibriumError::OffBranch(_)) => cure_of_branches(case),
+        _ => cure_of_reason(reason, &case.micro),
+    };
     // Adaptive increments have a limit of their own.
     if case.steps.adaptive.is_some() {
         cure.replace("raise `max_cuts`", "lower `smallest` of `adaptive`")
     } else {
         cure
     }
+}
+
+/// Returns the cure if RVEs leave their branches of equilibria.
+fn cure_of_branches(case: &Case) -> String {
+    let is_bare = |region: &RegionCase| match &region.material {
+        RegionMaterial::Formula(_) => false,
+        RegionMaterial::FiberRve(rve) => rve.matrix.is_none(),
+    };
+    let cure = "use more load steps (`count` in [steps]), or raise `max_cuts` and continue with --resume";
+    if case.regions.iter().any(is_bare) {
+        return format!(
+            "networks without a matrix that have motions which no fiber resists are a likely cause (`biotissue check` names \
+             them): give the material a `matrix`, or use other networks; otherwise {cure}"
+        );
+    }
+    cure.into()
 }
 
 /// Returns what was expected of a failed load step.
@@ -210,7 +229,7 @@ pub fn not_set_up<F: std::error::Error + 'static>(of: &CaseHints, error: Simulat
             "give the region a `law`, or put NETWORK.toml with a [law] or NETWORK.params beside the network",
         ),
         SimulationError::Library(error @ LibraryError::Device(_)) => return no_device(&of.file, error),
-        SimulationError::Library(LibraryError::NoFormula(..)) => {
+        SimulationError::Library(LibraryError::NoPointMaterial(..)) => {
             ("a formula at every point of the region", "make the formulas for the mesh of the case")
         }
         SimulationError::Library(LibraryError::NoMaterial(_)) => {

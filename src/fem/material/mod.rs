@@ -42,6 +42,14 @@ pub struct Response {
     pub tangent: SMatrix<f64, 9, 9>,
 }
 
+impl Response {
+    /// Returns the response of this material in another amount: all values times a factor.
+    #[must_use]
+    pub fn scaled(self, factor: f64) -> Self {
+        Self { energy: self.energy * factor, pk1: self.pk1 * factor, tangent: self.tangent * factor }
+    }
+}
+
 /// The reason why a material cannot be evaluated.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 pub enum MaterialError {

@@ -29,6 +29,15 @@ pub(crate) fn make_upright(element_type: ElementType, nodes: &mut Vec<u32>, posi
     is_reversed
 }
 
+/// Returns the warning of elements that were reversed.
+pub(crate) fn reversed_warning(count: usize) -> Option<String> {
+    match count {
+        0 => None,
+        1 => Some("1 element had a negative volume and has been reversed".into()),
+        _ => Some(format!("{count} elements had a negative volume and have been reversed")),
+    }
+}
+
 impl Parts {
     /// Creates the mesh without the nodes that belong to no element, and appends to the warnings.
     pub fn into_mesh<E>(
@@ -38,12 +47,16 @@ impl Parts {
     ) -> Result<MeshFile, E> {
         let dropped = self.drop_unused_nodes().map_err(|error| explain(&error, &self.groups))?;
         if dropped > 0 {
-            warnings.push(format!("{dropped} nodes belong to no element and are left out"));
+            warnings.push(match dropped {
+                1 => "1 node belongs to no element and is left out".into(),
+                _ => format!("{dropped} nodes belong to no element and are left out"),
+            });
         }
         let coincident = coincident(&self.nodes);
         if coincident > 0 {
+            let nodes = if coincident == 1 { "1 node has".to_owned() } else { format!("{coincident} nodes have") };
             warnings.push(format!(
-                "{coincident} nodes have exactly the position of another node: parts of the body may not be connected there"
+                "{nodes} exactly the position of another node: parts of the body may not be connected there"
             ));
         }
         let surfaces = self.groups.iter().map(|(name, group)| {

@@ -70,9 +70,14 @@ impl Activity {
         EvaluationGuard(self)
     }
 
-    /// Counts an RVE that needs no solution as done.
-    pub(super) fn skip(&self) {
-        self.lock().done += 1;
+    /// Counts RVEs as done that a batch solved, or that need no solution.
+    pub(super) fn skip(&self, rves: usize) {
+        self.lock().done += rves;
+    }
+
+    /// Continues with so many RVEs done, whatever was counted before.
+    pub(super) fn restart(&self, done: usize) {
+        self.lock().done = done;
     }
 
     /// Starts the solution of an RVE, whose stages `stage` follows; it ends when the guard is dropped.
@@ -133,8 +138,10 @@ mod tests {
         drop(first);
         assert_eq!((slowest(&activity).point.element, slowest(&activity).stage), (2, None));
         drop(second);
-        activity.skip();
+        activity.skip(1);
         assert_eq!(activity.progress(), Some(RveProgress { rves: 3, done: 3, slowest: None }));
+        activity.restart(1);
+        assert_eq!(activity.progress(), Some(RveProgress { rves: 3, done: 1, slowest: None }));
         drop(evaluation);
         assert_eq!(activity.progress(), None);
     }

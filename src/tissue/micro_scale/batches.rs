@@ -3,7 +3,7 @@
 //! A sweep over the RVEs begins with the batches; what they leave is then solved one by one. Which RVE a batch solves
 //! depends on nothing but that RVE, so that results do not depend on ranks or threads.
 
-#[cfg(all(test, feature = "cuda"))]
+#[cfg(all(test, feature = "sparse"))]
 mod tests;
 
 use std::time::Instant;
@@ -31,7 +31,7 @@ impl<B: RealBackend> Units<B> {
         &mut self,
         gradient: &(impl Fn(usize, usize) -> Option<Matrix3<f64>> + Sync),
     ) -> Result<Done, PointFailure> {
-        let Self { library, points, units, .. } = self;
+        let Self { library, points, units, activity, .. } = self;
         let target_of = |number: usize, unit: &Unit| {
             let target = gradient(number, points[number])?;
             unit.response.is_none_or(|(last, _)| last != target).then_some(target)
@@ -44,7 +44,8 @@ impl<B: RealBackend> Units<B> {
                 .iter_mut()
                 .filter_map(|chosen| chosen.unit.fibers.as_mut().map(|fibers| &mut fibers.current))
                 .collect();
-            let solved = solver.solve(&mut rves, &targets, &library.params);
+            let progress = |rves: usize| activity.skip(rves);
+            let solved = solver.solve(&mut rves, &targets, &library.params, &progress);
             let solved = solved.map_err(|reason| device_failure(chosen[0].unit, reason))?;
             let accepted =
                 chosen.into_par_iter().zip(predicted).zip(solved).map(|((chosen, predicted), equilibrium)| {
@@ -152,7 +153,8 @@ fn accept(
         Some(formula) => Some(formula.respond(target).ok()?),
         None => None,
     };
-    let mut response = Response { energy: found.energy, pk1: found.pk1, tangent: found.tangent };
+    let factor = unit.fibers.as_ref()?.factor;
+    let mut response = Response { energy: found.energy, pk1: found.pk1, tangent: found.tangent }.scaled(factor);
     if let Some(matrix) = matrix {
         response.energy += matrix.energy;
         response.pk1 += matrix.pk1;

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use nalgebra::Matrix3;
+use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 #[cfg(feature = "sparse")]
@@ -40,9 +41,9 @@ pub enum LibraryError {
     /// A region of the mesh has no material.
     #[error("no material for the region {0}")]
     NoMaterial(String),
-    /// A point has no formula: the formulas by point belong to another mesh.
-    #[error("the region {0} has no formula at {1}")]
-    NoFormula(String, IntegrationPoint),
+    /// A point has no material: the values by point belong to another mesh.
+    #[error("the region {0} has no material at {1}")]
+    NoPointMaterial(String, IntegrationPoint),
 }
 
 /// The materials of a body, shared by all RVEs. Every rank that solves RVEs has the same library.
@@ -65,15 +66,24 @@ pub struct Library<B: Backend> {
 pub enum PointMaterial {
     /// A formula, shared by the points with the same parameters.
     Formula(Arc<Formula>),
-    /// An RVE: its model and the matrix in parallel.
+    /// An RVE: its network and the matrix in parallel.
     Rve {
-        /// Index into [`Library::models`]; `None` for a matrix alone.
-        model: Option<usize>,
+        /// The network; `None` for a matrix alone.
+        network: Option<PointNetwork>,
         /// The formula of the matrix.
         matrix: Option<Arc<Formula>>,
         /// When the RVE is created, sleeps, and is deleted.
         lifecycle: RveLifecycle,
     },
+}
+
+/// The network of an integration point.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PointNetwork {
+    /// Index into [`Library::models`].
+    pub model: usize,
+    /// The stress of the RVE over that of its model: the fiber volume fraction of the point over that of the model.
+    pub factor: f64,
 }
 
 impl<B: RealBackend> Library<B> {
@@ -202,25 +212,31 @@ impl<B: RealBackend> Library<B> {
         &self.params
     }
 
-    /// Returns the material of a point of a region; `None` if there is no such region or it has no formula there.
+    /// Returns the material of a point of a region; `None` if there is no such region or it has none there.
     pub fn of_point(&self, region: usize, point: usize) -> Option<PointMaterial> {
         let (Region { material, .. }, models) = self.regions.get(region)?;
         Some(match material {
             RegionMaterial::Formula(formulas) => PointMaterial::Formula(Arc::clone(formulas.at(point)?)),
             RegionMaterial::FiberRve(rve) => {
-                let model = (!models.is_empty()).then(|| models[assigned(rve, point, models.len())]);
+                let network = match models.is_empty() {
+                    true => None,
+                    false => Some(PointNetwork {
+                        model: *models.get(assigned(rve, point, models.len()))?,
+                        factor: rve.scale.factor(point)?,
+                    }),
+                };
                 let matrix = match &rve.matrix {
                     Some(formulas) => Some(Arc::clone(formulas.at(point)?)),
                     None => None,
                 };
-                PointMaterial::Rve { model, matrix, lifecycle: rve.lifecycle }
+                PointMaterial::Rve { network, matrix, lifecycle: rve.lifecycle }
             }
         })
     }
 
-    /// Returns the error for a point without a formula.
-    pub(super) fn no_formula(&self, region: usize, point: IntegrationPoint) -> LibraryError {
-        LibraryError::NoFormula(self.regions[region].0.name.clone(), point)
+    /// Returns the error for a point without a material.
+    pub(super) fn no_material(&self, region: usize, point: IntegrationPoint) -> LibraryError {
+        LibraryError::NoPointMaterial(self.regions[region].0.name.clone(), point)
     }
 
     /// Returns the region of every element of a mesh.
@@ -266,12 +282,13 @@ impl<B: RealBackend> Reader<'_, B> {
     }
 
     fn model(&mut self, path: &PathBuf, rve: &FiberRve) -> Result<usize, LibraryError> {
-        let source = (path.clone(), rve.law.clone(), rve.scale);
+        let scale = rve.scale.of_models();
+        let source = (path.clone(), rve.law.clone(), scale);
         if let Some(known) = self.sources.iter().position(|known| *known == source) {
             return Ok(known);
         }
         let network = self.network(path)?;
-        let model = RveModel::with_solver(self.context, network, rve.law.clone(), rve.scale, &self.solver)
+        let model = RveModel::with_solver(self.context, network, rve.law.clone(), scale, &self.solver)
             .map_err(|reason| LibraryError::Model(path.clone(), reason.to_string()))?;
         self.models.push(model);
         self.sources.push(source);
@@ -290,9 +307,11 @@ impl<B: RealBackend> Reader<'_, B> {
     }
 }
 
-/// Assigns one of `count` networks to a point, as a function of the seed and the number of the point alone.
+/// Assigns one of `count` networks to a point, as a function of the material and the number of the point alone; beyond
+/// `count` if the point has none.
 fn assigned(rve: &FiberRve, point: usize, count: usize) -> usize {
-    match rve.assignment {
+    match &rve.assignment {
+        NetworkAssignment::Field(networks) => networks.of_point().get(point).map_or(count, |&network| network as usize),
         NetworkAssignment::Cycle => point % count,
         // The remainder's bias is below count / 2^64.
         NetworkAssignment::Random => (scramble(rve.seed ^ scramble(point as u64)) % count as u64) as usize,

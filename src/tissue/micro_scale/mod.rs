@@ -51,7 +51,7 @@ use crate::tissue::two_scale::{BalanceReport, RankTimes};
 pub use activity::{Activity, RveProgress, SlowestRve};
 pub use costs::RveCost;
 pub use error::{PointFailure, PointFailureKind, TissueFieldError};
-pub use library::{Library, LibraryError, PointMaterial};
+pub use library::{Library, LibraryError, PointMaterial, PointNetwork};
 pub use lifecycle::RveStatus;
 pub(super) use moving::MovingError;
 pub use pieces::{Piece, PieceError, piece_file, piece_stem};

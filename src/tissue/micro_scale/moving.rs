@@ -97,16 +97,16 @@ impl<B: RealBackend> Units<B> {
         let (element, point, points) = moving.location;
         let location = IntegrationPoint { element, point, points };
         let (point, region) = (moving.point as usize, moving.region as usize);
-        let Some(PointMaterial::Rve { model, matrix, .. }) = self.library().of_point(region, point) else {
+        let Some(PointMaterial::Rve { network: of_point, matrix, .. }) = self.library().of_point(region, point) else {
             return Err(MovingError::Material(location));
         };
-        let network = model.map(|model| &**self.library().models()[model].network());
+        let network = of_point.map(|of| &**self.library().models()[of.model].network());
         moving.current.check(location, network)?;
         if let Some(committed) = &moving.committed {
             committed.check(location, network)?;
         }
         let UnitState { rve, response, iterations } = moving.current;
-        let mut unit = Unit::new((location, region), model, self.library().models(), matrix);
+        let mut unit = Unit::new((location, region), of_point, self.library().models(), matrix);
         if let (Some(Fibers { current, committed, origin, .. }), Some(rve)) = (&mut unit.fibers, rve) {
             (*committed, *origin) = match moving.committed.and_then(|committed| committed.rve) {
                 Some(committed) if moving.is_verified => (committed, Origin::Branch),

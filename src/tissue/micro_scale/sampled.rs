@@ -74,8 +74,8 @@ impl<B: RealBackend> SampledField<B> {
         parallel::try_each(chunks, |(number, (gradients, mut out))| {
             for (k, f) in gradients.iter().enumerate() {
                 let point = number * POINTS_PER_CHUNK + k;
-                let Some((model, matrix)) = sites.material(point).filter(|_| sites.is_awake(point)) else { continue };
-                let of_network = model.map(|model| laws[model].evaluate(f)).transpose();
+                let Some((network, matrix)) = sites.material(point).filter(|_| sites.is_awake(point)) else { continue };
+                let of_network = network.map(|of| Ok(laws[of.model].evaluate(f)?.scaled(of.factor))).transpose();
                 let of_matrix = matrix.map(|formula| formula.respond(f)).transpose();
                 let responses = of_network.and_then(|network| of_matrix.map(|matrix| [network, matrix]));
                 let responses = responses.map_err(|reason| PointFailure::of_formula(sites.locate(point), &reason))?;
@@ -135,7 +135,7 @@ mod tests {
             networks: vec![network("frozen.txt"), network("frozen.txt")],
             assignment: NetworkAssignment::Cycle,
             seed: 0,
-            scale: StressScale::Raw,
+            scale: StressScale::Raw.into(),
             law: None,
             matrix: None,
             lifecycle: RveLifecycle::default(),

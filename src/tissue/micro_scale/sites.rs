@@ -10,7 +10,7 @@ use std::sync::Arc;
 use nalgebra::Matrix3;
 
 use super::error::PointFailure;
-use super::library::{Library, LibraryError, PointMaterial};
+use super::library::{Library, LibraryError, PointMaterial, PointNetwork};
 use super::lifecycle::{LifecycleState, RveStatus, extrapolate};
 use super::saved::{FieldRestoreError, SavedSites, SleepingRve};
 use crate::fem::material::{Material, MaterialError, Response, SaintVenantKirchhoff};
@@ -49,7 +49,7 @@ enum Site {
 /// A point with an RVE.
 struct RveSite {
     region: usize,
-    model: Option<usize>,
+    network: Option<PointNetwork>,
     matrix: Option<Arc<Formula>>,
     /// `None` for an RVE that is always awake.
     lifecycle: Option<Box<LifecycleState>>,
@@ -94,12 +94,12 @@ impl Sites {
         let mut sites = Vec::with_capacity(regions.len());
         for (point, region) in regions.into_iter().enumerate() {
             let material = library.of_point(region, mesh.points().in_whole(point));
-            let material = material.ok_or_else(|| library.no_formula(region, mesh.points().locate(point)))?;
+            let material = material.ok_or_else(|| library.no_material(region, mesh.points().locate(point)))?;
             sites.push(Site::new(region, material));
         }
         let mut at_rest = vec![None; library.models().len()];
         for rve in sites.iter().filter_map(Site::rve) {
-            if let (Some(model), Some(lifecycle)) = (rve.model, &rve.lifecycle)
+            if let (Some(PointNetwork { model, .. }), Some(lifecycle)) = (rve.network, &rve.lifecycle)
                 && lifecycle.status == RveStatus::Waiting
                 && lifecycle.rules.before == BeforeCreation::Linear
                 && at_rest[model].is_none()
@@ -146,18 +146,20 @@ impl Sites {
 
     /// Returns the model of every RVE that exists; `None` for one without a network.
     pub(super) fn existing_by_model(&self) -> impl Iterator<Item = Option<usize>> {
-        self.rve_sites().filter(|(_, rve)| rve.status().exists()).map(|(_, rve)| rve.model)
+        self.rve_sites()
+            .filter(|(_, rve)| rve.status().exists())
+            .map(|(_, rve)| rve.network.map(|network| network.model))
     }
 
-    /// Returns the model and the matrix of the RVE of a point.
-    pub(in crate::tissue) fn material(&self, point: usize) -> Option<(Option<usize>, Option<Arc<Formula>>)> {
+    /// Returns the network and the matrix of the RVE of a point.
+    pub(in crate::tissue) fn material(&self, point: usize) -> Option<(Option<PointNetwork>, Option<Arc<Formula>>)> {
         let rve = self.sites.get(point)?.rve()?;
-        Some((rve.model, rve.matrix.clone()))
+        Some((rve.network, rve.matrix.clone()))
     }
 
     /// Returns true if the RVE of a point has fibers.
     pub fn has_fibers(&self, point: usize) -> bool {
-        self.material(point).is_some_and(|(model, _)| model.is_some())
+        self.material(point).is_some_and(|(network, _)| network.is_some())
     }
 
     /// Returns the region that a point with an RVE belongs to.
@@ -249,8 +251,8 @@ impl Sites {
         let mut counts = RveCounts { per_model: vec![0; models], ..RveCounts::default() };
         for (_, rve) in self.rve_sites().filter(|(point, _)| is_counted(*point)) {
             counts.rves += 1;
-            if let Some(model) = rve.model {
-                counts.per_model[model] += 1;
+            if let Some(network) = rve.network {
+                counts.per_model[network.model] += 1;
             }
             match rve.status() {
                 RveStatus::Awake => {}
@@ -351,9 +353,9 @@ impl Site {
     fn new(region: usize, material: PointMaterial) -> Self {
         match material {
             PointMaterial::Formula(formula) => Self::Formula(formula),
-            PointMaterial::Rve { model, matrix, lifecycle: rules } => {
+            PointMaterial::Rve { network, matrix, lifecycle: rules } => {
                 let lifecycle = (rules != RveLifecycle::default()).then(|| Box::new(LifecycleState::new(rules)));
-                Self::Rve(RveSite { region, model, matrix, lifecycle })
+                Self::Rve(RveSite { region, network, matrix, lifecycle })
             }
         }
     }
@@ -378,7 +380,7 @@ impl Site {
         };
         let Some(lifecycle) = &mut rve.lifecycle else { return Ok(None) };
         lifecycle.trial = (*f, None);
-        let rest = rve.model.and_then(|model| at_rest[model].as_ref());
+        let rest = rve.network.and_then(|network| Some((at_rest[network.model].as_ref()?, network.factor)));
         if lifecycle.status == RveStatus::Awake {
             return Ok(None);
         }
@@ -414,14 +416,15 @@ fn write(out: &mut PointResponses, point: usize, response: &Response) {
     out.tangent[point] = response.tangent;
 }
 
-/// The sum of a network's linear response at rest and that of the matrix in parallel.
+/// The sum of a network's linear response at rest, times its factor, and that of the matrix in parallel.
 fn linear(
-    rest: Option<&SaintVenantKirchhoff>,
+    rest: Option<(&SaintVenantKirchhoff, f64)>,
     matrix: Option<&Formula>,
     f: &Matrix3<f64>,
 ) -> Result<Response, MaterialError> {
     let mut sum = Response { energy: 0.0, pk1: Matrix3::zeros(), tangent: nalgebra::SMatrix::zeros() };
-    let parts = [rest.map(|rest| rest.evaluate(f)), matrix.map(|matrix| matrix.respond(f))];
+    let of_network = |(rest, factor): (&SaintVenantKirchhoff, f64)| Ok(rest.evaluate(f)?.scaled(factor));
+    let parts = [rest.map(of_network), matrix.map(|matrix| matrix.respond(f))];
     for part in parts.into_iter().flatten() {
         let part = part?;
         sum.energy += part.energy;

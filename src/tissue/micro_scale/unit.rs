@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use nalgebra::Matrix3;
 
-use super::library::Library;
+use super::library::{Library, PointNetwork};
 use super::worker::Worker;
 use crate::coupling::balance::Cost;
 use crate::fem::material::{MaterialError, Response};
@@ -24,6 +24,8 @@ use thiserror::Error;
 pub(super) struct Fibers {
     /// The index of its network among the models of the field.
     pub model: usize,
+    /// The stress over that of the model.
+    pub factor: f64,
     /// The last equilibrium, from which the next solve starts.
     pub current: Rve,
     /// The equilibrium at the last converged load step.
@@ -171,13 +173,13 @@ impl Unit {
     /// Creates an RVE at rest, at a point of a region.
     pub fn new<B: RealBackend>(
         (location, region): (IntegrationPoint, usize),
-        model: Option<usize>,
+        network: Option<PointNetwork>,
         models: &[RveModel<B>],
         matrix: Option<Arc<Formula>>,
     ) -> Self {
-        let fibers = model.map(|model| {
+        let fibers = network.map(|PointNetwork { model, factor }| {
             let rest = Rve::at_rest(models[model].network());
-            Fibers { model, committed: rest.clone(), current: rest, origin: Origin::Committed }
+            Fibers { model, factor, committed: rest.clone(), current: rest, origin: Origin::Committed }
         });
         Self { location, region, fibers, matrix, response: None, iterations: 0, committed_iterations: 0 }
     }
@@ -307,6 +309,11 @@ impl Unit {
 }
 
 impl Fibers {
+    /// Returns the network of the point.
+    pub fn network(&self) -> PointNetwork {
+        PointNetwork { model: self.model, factor: self.factor }
+    }
+
     fn solve<B: RealBackend>(
         &mut self,
         gradient: &Matrix3<f64>,
@@ -331,6 +338,6 @@ impl Fibers {
         if library.predict {
             solved.keep_sensitivities()?;
         }
-        Ok((response, solved.report().iterations))
+        Ok((response.scaled(self.factor), solved.report().iterations))
     }
 }

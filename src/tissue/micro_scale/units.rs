@@ -12,7 +12,7 @@ use super::activity::Activity;
 use super::batches::Done;
 use super::costs::{KeptCosts, RveCost};
 use super::error::PointFailure;
-use super::library::Library;
+use super::library::{Library, PointNetwork};
 use super::pieces::{self, Piece};
 use super::saved::{FieldRestoreError, UnitState};
 use super::unit::{Origin, RveStats, Unit, UnitError};
@@ -20,7 +20,7 @@ use super::worker::Worker;
 use crate::coupling::balance::{Cost, CostHistory};
 use crate::fem::material::Response;
 use crate::fem::mesh::IntegrationPoint;
-use crate::fiber::rve::Rve;
+use crate::fiber::rve::{Rve, StressScale};
 use crate::las::{Backend, RealBackend};
 use crate::parallel;
 use crate::tissue::materials::Formula;
@@ -46,7 +46,7 @@ pub(in crate::tissue) struct Units<B: Backend> {
     /// The last RVE that found no equilibrium.
     failed_rve: Mutex<Option<FailedRve>>,
     /// What the threads are doing.
-    activity: Arc<Activity>,
+    pub(super) activity: Arc<Activity>,
 }
 
 /// An RVE that found no equilibrium.
@@ -54,8 +54,8 @@ pub(in crate::tissue) struct Units<B: Backend> {
 pub struct FailedRve {
     /// Its point.
     pub point: IntegrationPoint,
-    /// The number of its model.
-    pub model: usize,
+    /// The network of its point.
+    pub network: PointNetwork,
     /// The data that reproduces the failure.
     pub dump: RveDump,
 }
@@ -64,13 +64,16 @@ impl FailedRve {
     /// Collects the data of the RVE of a point that failed between `start` and `gradient`.
     pub(in crate::tissue) fn new<B: RealBackend>(
         library: &Library<B>,
-        (point, model): (IntegrationPoint, usize),
+        (point, network): (IntegrationPoint, PointNetwork),
         start: &Rve,
         gradient: &Matrix3<f64>,
     ) -> Self {
         let origin = point.to_string();
-        let dump = RveDump::new(origin, &library.models()[model], (start, gradient), library.params());
-        Self { point, model, dump }
+        let mut dump = RveDump::new(origin, &library.models()[network.model], (start, gradient), library.params());
+        if let StressScale::FiberVolumeFraction(fraction) = &mut dump.scale {
+            *fraction *= network.factor;
+        }
+        Self { point, network, dump }
     }
 }
 
@@ -102,12 +105,12 @@ impl<B: RealBackend> Units<B> {
     pub fn add(
         &mut self,
         (point, location, region): (usize, IntegrationPoint, usize),
-        model: Option<usize>,
+        network: Option<PointNetwork>,
         matrix: Option<Arc<Formula>>,
     ) {
-        let unit = Unit::new((location, region), model, &self.library.models, matrix);
+        let unit = Unit::new((location, region), network, &self.library.models, matrix);
         // RVEs of one network cost about the same.
-        let class = model.unwrap_or(self.library.models.len());
+        let class = network.map_or(self.library.models.len(), |network| network.model);
         self.append(point, unit, CostHistory::new(class as u32));
     }
 
@@ -220,9 +223,10 @@ impl<B: RealBackend> Units<B> {
         let mut counts: HashMap<Option<usize>, usize> = HashMap::new();
         models.for_each(|model| *counts.entry(model).or_default() += 1);
         let of_costs = size_of::<Cost>() + size_of::<CostHistory>();
-        let of_model = |model| {
+        let of_model = |model: Option<usize>| {
             let location = IntegrationPoint { element: 0, point: 0, points: 1 };
-            Unit::new((location, 0), model, &self.library.models, None).bytes(self.library.predict) + of_costs
+            let network = model.map(|model| PointNetwork { model, factor: 1.0 });
+            Unit::new((location, 0), network, &self.library.models, None).bytes(self.library.predict) + of_costs
         };
         counts.into_iter().map(|(model, count)| count * of_model(model)).sum()
     }
@@ -248,6 +252,8 @@ impl<B: RealBackend> Units<B> {
         &mut self,
         gradient: impl Fn(usize, usize) -> Option<Matrix3<f64>> + Sync,
     ) -> Result<(), PointFailure> {
+        let activity = Arc::clone(&self.activity);
+        let _evaluation = activity.evaluate(self.units.len());
         let done = self.solve_batches(&gradient).inspect_err(|_| self.revert())?;
         let solved = self.for_each_unit(gradient, done, |unit, gradient, library, worker, stats| {
             unit.respond(gradient, library, worker, stats).map(|_| false)
@@ -265,6 +271,8 @@ impl<B: RealBackend> Units<B> {
         &mut self,
         gradient: impl Fn(usize, usize) -> Option<Matrix3<f64>> + Sync,
     ) -> Result<Vec<usize>, PointFailure> {
+        let activity = Arc::clone(&self.activity);
+        let _evaluation = activity.evaluate(self.units.len());
         let done = self.verify_batches(&gradient).inspect_err(|_| self.revert())?;
         self.for_each_unit(gradient, done, Unit::verify)
     }
@@ -286,7 +294,7 @@ impl<B: RealBackend> Units<B> {
     ) -> Result<Vec<usize>, PointFailure> {
         let order = self.longest_first();
         let Self { library, units, points, costs, workers, activity, .. } = self;
-        let evaluation = activity.evaluate(units.len());
+        activity.restart(done.iter().flatten().count());
         let (library, points) = (&*library, &*points);
         costs.fill(Cost::default());
         let mut waiting: Vec<Option<&mut Unit>> = units.iter_mut().map(Some).collect();
@@ -295,7 +303,6 @@ impl<B: RealBackend> Units<B> {
         let outcomes = parallel::take_in_turn(in_order, |(number, unit): (usize, &mut Unit)| {
             let (mut stats, point) = (RveStats::default(), points[number]);
             if let Some((stats, increment)) = done[number] {
-                activity.skip();
                 return (stats, increment, Ok(false));
             }
             // One failure is enough: an RVE without an equilibrium takes long to fail.
@@ -303,7 +310,7 @@ impl<B: RealBackend> Units<B> {
                 return (stats, 0.0, Ok(false));
             }
             let Some(gradient) = gradient(number, point) else {
-                activity.skip();
+                activity.skip(1);
                 return (stats, 0.0, Ok(false));
             };
             let increment = unit.response.map_or(0.0, |(last, _)| (gradient - last).norm());
@@ -319,7 +326,6 @@ impl<B: RealBackend> Units<B> {
             });
             (stats, increment, outcome)
         });
-        drop(evaluation);
         let mut outcomes: Vec<_> = order.into_iter().zip(outcomes).collect();
         outcomes.sort_unstable_by_key(|&(number, _)| number);
         let (lowest, mut sum) = (lowest.into_inner(), RveStats::default());
@@ -367,7 +373,7 @@ impl<B: RealBackend> Units<B> {
         let network = fibers.map(|f| library.models[f.model].network().name().to_owned());
         if let (UnitError::Rve(_), Some(fibers)) = (reason, fibers) {
             *self.failed_rve.get_mut().unwrap_or_else(PoisonError::into_inner) =
-                Some(FailedRve::new(library, (unit.location, fibers.model), &fibers.current, gradient));
+                Some(FailedRve::new(library, (unit.location, fibers.network()), &fibers.current, gradient));
         }
         PointFailure::of_unit(unit.location, network, reason)
     }

@@ -205,12 +205,12 @@ impl<'a, C: Comm, B: RealBackend> ScaleField<'a, C, B> {
     /// Asks why the last trial state has no response; keeps the data that reproduces the failure.
     fn explain(&mut self) -> Result<PointFailure, TwoScaleError> {
         let RveFailure { failure, start } = self.micro.explain()?;
-        if let Some((model, state, gradient)) = start
+        if let Some((network, state, gradient)) = start
             && let Some(rve) = state.rve
         {
             let gradient = Matrix3::from_column_slice(&gradient);
             *self.failed_rve.get_mut().unwrap_or_else(PoisonError::into_inner) =
-                Some(FailedRve::new(&self.library, (failure.point, model), &rve, &gradient));
+                Some(FailedRve::new(&self.library, (failure.point, network), &rve, &gradient));
         }
         Ok(failure)
     }

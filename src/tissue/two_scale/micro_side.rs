@@ -147,8 +147,8 @@ impl<C: Comm, B: RealBackend> MicroSide<'_, C, B> {
         for (&point, new_rve) in delta.units().iter().zip(new_rves) {
             let point = point as usize;
             let material = self.units.library().of_point(new_rve.region as usize, point);
-            if let PointMaterial::Rve { model, matrix, .. } = material.ok_or(TwoScaleError::Protocol)? {
-                self.units.add((point, new_rve.location(), new_rve.region as usize), model, matrix);
+            if let PointMaterial::Rve { network, matrix, .. } = material.ok_or(TwoScaleError::Protocol)? {
+                self.units.add((point, new_rve.location(), new_rve.region as usize), network, matrix);
             }
         }
         self.channels.to_macro = self.channels.to_micro.inverse();
@@ -228,7 +228,7 @@ impl<C: Comm, B: RealBackend> MicroSide<'_, C, B> {
                 let mut gradient = [0.0; 9];
                 gradient.copy_from_slice(failed.dump.target.as_slice());
                 let state = UnitState { rve: Some(failed.dump.start), response: None, iterations: 0 };
-                (failed.model, state, gradient)
+                (failed.network, state, gradient)
             });
             RveFailure { failure, start }
         });

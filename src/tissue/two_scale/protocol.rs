@@ -11,7 +11,7 @@ use crate::fem::material::Response;
 use crate::fem::mesh::IntegrationPoint;
 use crate::las::Message;
 use crate::tissue::micro_scale::{
-    DeformedNetwork, Piece, PieceError, PointFailure, PointSummary, RveCost, RveStats, UnitState,
+    DeformedNetwork, Piece, PieceError, PointFailure, PointNetwork, PointSummary, RveCost, RveStats, UnitState,
 };
 
 /// The name of the scale of the body in `[scales]` of a case.
@@ -269,9 +269,9 @@ pub struct UnitReport {
 pub struct RveFailure {
     /// The error message, with point and network.
     pub failure: PointFailure,
-    /// The number of its model, its start state, and the requested gradient, column by column; `None` if no network
+    /// The network of its point, its start state, and the requested gradient, column by column; `None` if no network
     /// failed.
-    pub start: Option<(usize, UnitState, [f64; 9])>,
+    pub start: Option<(PointNetwork, UnitState, [f64; 9])>,
 }
 
 /// How a rank spent its time since its previous report, s.

@@ -23,8 +23,8 @@ fn every_entry_is_read() {
     let networks = ["networks/a.txt", "networks/b.txt"].map(|name| folder.path().join(name));
     assert_eq!(rve.networks, networks);
     assert_eq!(
-        (rve.assignment, rve.seed, rve.scale),
-        (NetworkAssignment::Cycle, 7, StressScale::FiberVolumeFraction(0.003))
+        (&rve.assignment, rve.seed, &rve.scale),
+        (&NetworkAssignment::Cycle, 7, &StressScale::FiberVolumeFraction(0.003).into())
     );
     let law = Law::ExponentialStretch { youngs_modulus: 1.0e8, nonlinearity: 1.2, transition: 1.4 };
     assert_eq!(rve.law, Some(FiberMaterial { law, radius: 5.0e-8, density: None }));
@@ -204,7 +204,7 @@ fn networks_are_found_sorted_and_each_once() {
         let case = folder.parse(&text).unwrap_or_else(|errors| panic!("{errors}")).case;
         let RegionMaterial::FiberRve(rve) = &case.regions[0].material else { panic!("not a fiber RVE") };
         assert_eq!(rve.networks.iter().collect::<Vec<_>>(), expected, "{networks}");
-        assert_eq!((rve.assignment, rve.seed, rve.scale), (NetworkAssignment::Random, 1, StressScale::Raw));
+        assert_eq!((&rve.assignment, rve.seed, &rve.scale), (&NetworkAssignment::Random, 1, &StressScale::Raw.into()));
         assert_eq!(rve.law, None);
     }
 }

@@ -13,7 +13,19 @@ fn placeless(mut case: Case) -> Case {
         each.line = 0;
         let formula = match &mut each.material {
             RegionMaterial::Formula(formula) => Some(formula),
-            RegionMaterial::FiberRve(rve) => rve.matrix.as_mut(),
+            RegionMaterial::FiberRve(rve) => {
+                if let NetworkAssignment::Field(choice) = &mut rve.assignment {
+                    choice.line = 0;
+                    for field in &mut choice.fields {
+                        field.line = 0;
+                        forget_line(&mut field.values);
+                    }
+                }
+                if let RveScale::Fractions(field) = &mut rve.scale {
+                    field.line = 0;
+                }
+                rve.matrix.as_mut()
+            }
         };
         if let Some(FormulaCase::Field(field)) = formula {
             field.line = 0;
@@ -86,6 +98,12 @@ fn written_case_reads_the_same_from_another_folder() {
             "{SMALL}[[boundary]]\nsurface = \"a\"\ntraction = [\"1e3*t*z\", 0, \"2*3\"]\n[[boundary]]\nsurface = \"a\"\n\
              pressure = \"x\"\ncurve = \"t^2\"\n[[point]]\nnode = 1\ndisplacement = {{ x = \"0.1*y\" }}\n\
              force = [0, \"t\", 0]\n[[body_force]]\nregion = \"*\"\nvalue = [\"-y\", 1, 0]\ncurve = [[0, 0], [1, 2]]\n"
+        ),
+        FULL.replace("\"cycle\"", "{ index = { grid = \"curve.csv\" } }")
+            .replace("fiber_volume_fraction = 0.003", "fiber_volume_fraction = { cells = \"phi\" }"),
+        FULL.replace("[\"networks/*.txt*\"]", "\"networks/{k:01}{of one}.txt\"").replace("{of one}", "{of-one}").replace(
+            "\"cycle\"",
+            "{ k = { file = \"curve.csv\", column = \"k\", bins = 20, range = [-1, 0.5], first = 3 }, of-one = \"2*x\" }",
         ),
         FULL.replace("seed = 7", "seed = 9223372036854775807").replace("every = 5", "every = 0x10"),
     ];

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
 use super::columns;
+use super::grid::Grid;
 use crate::app::material_fields::Body;
 use crate::app::vtu::{self, CellData};
 use crate::fem::element::{CellType, ElementType};
@@ -20,6 +21,7 @@ const SAME_PLACE: f64 = 1e-5;
 pub(in crate::app::material_fields) struct Files {
     cells: RefCell<HashMap<PathBuf, Rc<CellData>>>,
     rows: RefCell<HashMap<PathBuf, Rc<Vec<Row>>>>,
+    grids: RefCell<HashMap<PathBuf, Rc<Grid>>>,
 }
 
 impl Files {
@@ -31,6 +33,11 @@ impl Files {
     /// Returns the rows of a CSV file.
     pub fn rows(&self, file: &Path) -> Result<Rc<Vec<Row>>, InputError> {
         once(&self.rows, file, columns::read)
+    }
+
+    /// Returns a regular grid.
+    pub fn grid(&self, file: &Path) -> Result<Rc<Grid>, InputError> {
+        once(&self.grids, file, Grid::read)
     }
 }
 

@@ -9,6 +9,9 @@
 //! kernels (`schedule.rs`). Numbers of 32 networks alternate in memory, so that the threads of a warp access contiguous
 //! bytes. A network that needs more than Newton's method (its stiffness is not positive definite, the line search fails,
 //! the iterations do not suffice) keeps its state and gets a [`Status`] that says so.
+//!
+//! [`NetworkResult`]: crate::backends::networks::NetworkResult
+//! [`Status`]: crate::backends::networks::Status
 
 #[cfg(test)]
 mod emulation;
@@ -235,6 +238,8 @@ impl NetworkBatch {
     /// Tests for the first networks whether Newton leads from their states, moved affinely to these deformation gradients,
     /// to the equilibria whose interior positions are given, network after network: [`Status::Continues`] if it
     /// evidently does. States do not change.
+    ///
+    /// [`Status::Continues`]: crate::backends::networks::Status::Continues
     ///
     /// # Errors
     /// Returns the error of the device.

@@ -27,11 +27,14 @@ pub struct CheckArguments {
     /// Remove fibers that dangle and parts that are not connected to the boundary; merge fibers of the same law that
     /// join the same two nodes into one with the sum of their cross-sectional areas, which responds as they do together
     /// (fibers of different laws, and those of a network without laws, are kept and counted)
-    #[arg(long, requires = "output")]
+    #[arg(long)]
     clean: bool,
     /// Where to write the cleaned network, with its materials
-    #[arg(short, long, value_name = "FILE", requires = "clean")]
+    #[arg(short, long, value_name = "FILE", requires = "clean", conflicts_with = "directory")]
     output: Option<PathBuf>,
+    /// Where to write cleaned networks of any number, under their names; it is made if there is none
+    #[arg(long, value_name = "D", requires = "clean")]
+    directory: Option<PathBuf>,
     /// Count fibers shorter than this fraction of the cube's edge, and remove them with --clean
     #[arg(long, value_name = "L", value_parser = real, allow_hyphen_values = true)]
     shorter_than: Option<f64>,
@@ -49,13 +52,18 @@ pub fn run(arguments: &CheckArguments) -> Result<(), Failure> {
     if arguments.files.len() > 1 && arguments.output.is_some() {
         return Err(Failure::arguments(
             format!("--clean with {} network files, but one --output", arguments.files.len()),
-            "one network to clean",
-            "clean one file at a time",
+            "one network to clean, or --directory D",
+            "give --directory D instead of --output: the networks keep their names there",
         ));
     }
+    if arguments.clean && arguments.output.is_none() && arguments.directory.is_none() {
+        let expected = "--output FILE for one network, --directory D for any number";
+        return Err(Failure::arguments("--clean without a place to write to", expected, "add one of them"));
+    }
+    let outputs = outputs(arguments)?;
     let mut errors = Vec::new();
-    for file in &arguments.files {
-        match check(file, arguments) {
+    for (file, output) in arguments.files.iter().zip(outputs) {
+        match check(file, output.as_deref(), arguments) {
             Err(Failure::Input(InputErrors(found))) => errors.extend(found),
             outcome => outcome?,
         }
@@ -63,12 +71,33 @@ pub fn run(arguments: &CheckArguments) -> Result<(), Failure> {
     if errors.is_empty() { Ok(()) } else { Err(Failure::Input(InputErrors(errors))) }
 }
 
-fn check(file: &Path, arguments: &CheckArguments) -> Result<(), Failure> {
+/// Returns where each cleaned network is written.
+fn outputs(arguments: &CheckArguments) -> Result<Vec<Option<PathBuf>>, Failure> {
+    let Some(directory) = &arguments.directory else {
+        return Ok(vec![arguments.output.clone(); arguments.files.len()]);
+    };
+    let mut outputs: Vec<Option<PathBuf>> = Vec::new();
+    for file in &arguments.files {
+        let output = directory.join(file.file_name().unwrap_or(file.as_os_str()));
+        if outputs.contains(&Some(output.clone())) {
+            let what = format!("two of the networks would be written to {}", output.display());
+            return Err(Failure::arguments(
+                what,
+                "networks of different names",
+                "clean them into different directories",
+            ));
+        }
+        outputs.push(Some(output));
+    }
+    Ok(outputs)
+}
+
+fn check(file: &Path, output: Option<&Path>, arguments: &CheckArguments) -> Result<(), Failure> {
     let read = read(file)?;
     let report = examine(&read.network);
     let rigidity = rigidity_of(&read.network, arguments)?;
     let cleaned = clean(&read.network, arguments.shorter_than);
-    if let Some(output) = &arguments.output {
+    if let Some(output) = output {
         let cleaned = cleaned.as_ref().map_err(|error| no_network_left(file, error))?;
         write_cleaned(output, &read, cleaned)?;
     }
@@ -87,7 +116,7 @@ fn check(file: &Path, arguments: &CheckArguments) -> Result<(), Failure> {
         object["rigidity"] = json!(rigidity);
         object["removable"] = json!(removable);
         object["kept_doubled_fibers"] = json!(kept_doubled);
-        object["written"] = json!(arguments.output);
+        object["written"] = json!(output);
         object["cleaned"] = after.as_ref().map_or(json!(null), |(report, rigidity, network)| {
             let mut cleaned = json_of_network(report, network);
             cleaned["rigidity"] = json!(rigidity);
@@ -99,7 +128,7 @@ fn check(file: &Path, arguments: &CheckArguments) -> Result<(), Failure> {
     out.push_str(&rigidity.as_ref().map_or_else(String::new, text::rigidity));
     out.push_str(&findings(&report, removable, arguments));
     out.push_str(&kept_doubled.map_or_else(String::new, |count| text::kept_doubled(count, &read.network)));
-    if let Some(output) = &arguments.output {
+    if let Some(output) = output {
         let _ = writeln!(out, "  written to {}", output.display());
     }
     if let Some((report, rigidity, network)) = &after {

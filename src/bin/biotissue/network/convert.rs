@@ -9,7 +9,6 @@ use serde_json::json;
 
 use super::{json_of_file, laws_of, read, write};
 use crate::failure::Failure;
-use crate::output;
 
 #[derive(Args)]
 pub struct ConvertArguments {
@@ -17,21 +16,28 @@ pub struct ConvertArguments {
     input: PathBuf,
     /// The network file to write, in units of the cube's edge; its laws are written to files beside it: .toml, and
     /// .params if that format can hold them
-    output: PathBuf,
+    #[arg(value_name = "OUTPUT", required_unless_present = "option")]
+    output: Option<PathBuf>,
+    /// The same as OUTPUT
+    #[arg(short = 'o', long = "output", value_name = "FILE", id = "option", conflicts_with = "output")]
+    option: Option<PathBuf>,
     /// Print one JSON object
     #[arg(long)]
     json: bool,
 }
 
 pub fn run(arguments: &ConvertArguments) -> Result<(), Failure> {
+    let Some(output) = arguments.output.as_ref().or(arguments.option.as_ref()) else {
+        return Err(Failure::arguments("no file to write is named", "convert INPUT OUTPUT", "name the file to write"));
+    };
     let read = read(&arguments.input)?;
     let generated = read.sidecar.as_ref().and_then(|sidecar| sidecar.generated.clone());
     let sidecar = Sidecar { generated, length_unit: Some("edge of the cube".into()), ..laws_of(&read.network) };
-    write(&arguments.output, &read.network, &sidecar)?;
+    write(output, &read.network, &sidecar)?;
     if arguments.json {
         let mut object = json_of_file(&examine(&read.network), &read);
-        object["written"] = json!(arguments.output);
-        return output::print_json(&object);
+        object["written"] = json!(output);
+        return crate::output::print_json(&object);
     }
     let (nodes, fibers) = (read.network.nodes().len(), read.network.fibers().len());
     let laws = match read.network.materials().len() {
@@ -39,9 +45,9 @@ pub fn run(arguments: &ConvertArguments) -> Result<(), Failure> {
         1 => "1 law".to_owned(),
         laws => format!("{laws} laws"),
     };
-    output::print(&format!(
+    crate::output::print(&format!(
         "{}: {nodes} nodes, {fibers} fibers, {laws}; lengths in units of the cube's edge, which is {} in {}\n",
-        arguments.output.display(),
+        output.display(),
         read.cube.edges[0],
         arguments.input.display()
     ))

@@ -55,7 +55,8 @@ pub struct GenerateArguments {
     #[arg(short, long, value_name = "FILE", required_unless_present = "count")]
     output: Option<PathBuf>,
     /// Instead of --output: write a library of N networks with the seeds S, S+1, ... (--seed S) to --directory, as
-    /// network-0001.txt and so on, numbered by the seed, each with the files beside it; existing files are not replaced
+    /// network-0001.txt and so on, numbered by the seed, each with the files beside it; existing files are not replaced,
+    /// and seeds without a network are passed over
     #[arg(long, value_name = "N", value_parser = count, allow_hyphen_values = true, requires = "directory")]
     #[arg(conflicts_with = "output")]
     count: Option<usize>,
@@ -103,7 +104,8 @@ pub fn run(arguments: &GenerateArguments) -> Result<(), Failure> {
     }
 }
 
-/// Writes networks with consecutive seeds; those before a failure are left in the directory.
+/// Writes networks with consecutive seeds, without those whose network has no fiber through a face of the cube or another
+/// defect that a seed may have; those before a failure are left in the directory.
 fn write_library(
     arguments: &GenerateArguments,
     params: &GeneratorParams,
@@ -112,30 +114,65 @@ fn write_library(
     count: usize,
 ) -> Result<(), Failure> {
     let members = library::members(directory, params.seed, count)?;
-    let [mut nodes, mut fibers] = [0; 2];
-    for (number, Member { seed, path }) in members.iter().enumerate() {
+    let [mut nodes, mut fibers, mut skipped] = [0; 3];
+    let mut written: Vec<PathBuf> = Vec::new();
+    for member in members {
+        let Member { seed, path } = &member;
         let params = GeneratorParams { seed: *seed, ..*params };
-        let place = format!(" with seed {seed}, after {number} networks");
-        let (made, generated) = request.write(&params, path).map_err(|error| not_written(error, &place))?;
+        let number = written.len();
+        let plural = if number == 1 { "" } else { "s" };
+        let place = format!(" with seed {seed}, after {number} network{plural}");
+        if number + skipped >= count {
+            library::refuse_existing(std::slice::from_ref(&member))?;
+        }
+        let (made, generated) = match request.write(&params, path) {
+            Ok(made) => made,
+            Err(NotWritten::Generator(error))
+                if depends_on_seed(&error) && skipped < library::MOST_SKIPPED * (number + 1) =>
+            {
+                output::warn(&[format!("no network with seed {seed}: {error}; the next seed takes its place")]);
+                skipped += 1;
+                continue;
+            }
+            Err(error) => return Err(not_written(error, &place)),
+        };
         if arguments.json {
             print_summary(arguments, path, &params, &made, &generated)?;
         }
         nodes += made.network.nodes().len();
         fibers += made.network.fibers().len();
+        written.push(path.clone());
+        if written.len() == count {
+            break;
+        }
+    }
+    if written.len() < count {
+        let what = format!("no seeds are left after {} networks and {skipped} seeds without one", written.len());
+        return Err(Failure::arguments(what, "seeds with a network", "lower --seed"));
     }
     if arguments.json {
         return Ok(());
     }
     let mean = |sum: usize| sum as f64 / count as f64;
-    let name = |member: Option<&Member>| member.map_or_else(String::new, |member| member.path.display().to_string());
+    let name = |path: Option<&PathBuf>| path.map_or_else(String::new, |path| path.display().to_string());
+    let without = match skipped {
+        0 => String::new(),
+        1 => "; 1 seed without a network was passed over".into(),
+        _ => format!("; {skipped} seeds without a network were passed over"),
+    };
     output::print(&format!(
-        "{} to {}: {count} {} networks, {:.1} nodes and {:.1} fibers on average\n",
-        name(members.first()),
-        name(members.last()),
+        "{} to {}: {count} {} networks, {:.1} nodes and {:.1} fibers on average{without}\n",
+        name(written.first()),
+        name(written.last()),
         params.kind.name(),
         mean(nodes),
         mean(fibers)
     ))
+}
+
+/// Returns true if another seed may have a network where this one has none.
+fn depends_on_seed(error: &GenerateError) -> bool {
+    matches!(error, GenerateError::OpenFace { .. } | GenerateError::NoRoom { .. } | GenerateError::Network(_))
 }
 
 /// What all networks of one call have in common besides the parameters of the generator.

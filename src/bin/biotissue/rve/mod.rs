@@ -148,10 +148,10 @@ fn parse_scale(text: &str) -> Result<StressScale, Failure> {
         return Ok(StressScale::Raw);
     }
     match text.trim().parse::<f64>() {
-        Ok(phi) if phi > 0.0 && phi < 1.0 => Ok(StressScale::FiberVolumeFraction(phi)),
+        Ok(phi) if phi > 0.0 && phi <= 1.0 => Ok(StressScale::FiberVolumeFraction(phi)),
         _ => Err(Failure::arguments(
             format!("invalid --scale {}", excerpt(text)),
-            "\"raw\", or a fiber volume fraction between 0 and 1",
+            "\"raw\", or a fiber volume fraction above 0 and at most 1",
             "a collagen gel has about 0.003; leave --scale out for raw",
         )),
     }

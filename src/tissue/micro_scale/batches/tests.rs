@@ -1,6 +1,7 @@
-//! Fields whose RVEs are solved in batches, by kernels that run on the processor, against fields without.
+//! Fields whose RVEs are solved in batches, in lanes or by kernels that run on the processor, against fields without.
 
 use std::path::Path;
+use std::sync::{Arc, mpsc};
 
 use nalgebra::Matrix3;
 
@@ -9,13 +10,13 @@ use crate::fem::mesh::shapes::cuboid;
 use crate::fem::point_field::{PointField, PointResponses};
 use crate::fiber::batch::{BatchEquilibrium, BatchSolver};
 use crate::fiber::equilibrium::EquilibriumParams;
-use crate::fiber::rve::{Rve, StressScale};
+use crate::fiber::rve::{Rve, RveModel, StressScale};
 use crate::las::conformance::Random;
-use crate::rve_batch::DeviceBatch;
+use crate::rve_batch::LaneBatch;
 use crate::tissue::materials::{
     FiberRve, Materials, NetworkAssignment, Region, RegionMaterial, RveLifecycle, RveParams,
 };
-use crate::tissue::micro_scale::{TissueField, TissueFieldError, TissueMaterial};
+use crate::tissue::micro_scale::{Activity, RveProgress, TissueField, TissueFieldError, TissueMaterial};
 
 const ELEMENTS: usize = 48;
 
@@ -26,13 +27,14 @@ fn field(predictor: bool) -> TissueField<Sparse> {
         networks: vec![network],
         assignment: NetworkAssignment::Cycle,
         seed: 0,
-        scale: StressScale::Raw,
+        scale: StressScale::Raw.into(),
         law: None,
         matrix: None,
         lifecycle: RveLifecycle::default(),
     };
     let region = Region { name: "*".into(), material: RegionMaterial::FiberRve(rve) };
-    let materials = Materials { regions: vec![region], rve: RveParams { predictor, ..RveParams::default() } };
+    let materials =
+        Materials { regions: vec![region], rve: RveParams { predictor, lanes: false, ..RveParams::default() } };
     TissueField::new((), materials, &cuboid([2, 2, 2], [1.0; 3]).unwrap()).unwrap().0
 }
 
@@ -45,20 +47,43 @@ fn gradients(size: f64, seed: u64) -> Vec<Matrix3<f64>> {
     (0..ELEMENTS).map(|_| Matrix3::identity() + Matrix3::from_fn(|_, _| size * random.signed())).collect()
 }
 
+type Make = fn(&RveModel<Sparse>, bool) -> Option<Box<dyn BatchSolver>>;
+
 #[test]
-fn fields_with_batches_agree_with_those_without_through_load_steps() {
+fn fields_with_lanes_agree_with_those_without_through_load_steps() {
+    compare(|model, predictor| {
+        let batch = LaneBatch::new(model, predictor)?;
+        Some(Box::new(batch))
+    });
+}
+
+#[cfg(feature = "cuda")]
+#[test]
+fn fields_with_kernels_agree_with_those_without_through_load_steps() {
+    use crate::rve_batch::DeviceBatch;
+
+    compare(|model, predictor| {
+        let batch = DeviceBatch::emulated(model, predictor);
+        if batch.is_none() {
+            println!("skipped: there is no C++ compiler");
+        }
+        Some(Box::new(batch?))
+    });
+}
+
+/// Compares a field with batches that `make` returns, if it returns any, with one without.
+fn compare(make: Make) {
     for predictor in [false, true] {
         let (mut alone, mut batched) = (field(predictor), field(predictor));
-        let mut has_compiler = true;
+        let mut has_batches = true;
         batched
             .solve_in_batches(|model| {
-                let batch = DeviceBatch::emulated(model, predictor);
-                has_compiler &= batch.is_some();
-                Ok::<_, ()>(batch.map(|batch| Box::new(batch) as Box<dyn BatchSolver>))
+                let batch = make(model, predictor);
+                has_batches &= batch.is_some();
+                Ok::<_, ()>(batch)
             })
             .unwrap();
-        if !has_compiler {
-            println!("skipped: there is no C++ compiler");
+        if !has_batches {
             return;
         }
         let (mut of_alone, mut of_batched) = (PointResponses::default(), PointResponses::default());
@@ -97,6 +122,7 @@ impl BatchSolver for Broken {
         _: &mut [&mut Rve],
         _: &[Matrix3<f64>],
         _: &EquilibriumParams,
+        _: &(dyn Fn(usize) + Sync),
     ) -> Result<Vec<Option<BatchEquilibrium>>, String> {
         Err("the device fell off the bus".into())
     }
@@ -104,6 +130,44 @@ impl BatchSolver for Broken {
     fn converge_to(&mut self, _: &[&Rve], _: &[&Rve], _: &EquilibriumParams) -> Result<Vec<bool>, String> {
         Err("the device fell off the bus".into())
     }
+}
+
+/// A solver that reports three RVEs as done before it leaves all of them.
+struct Leaving(Arc<Activity>, mpsc::Sender<Option<RveProgress>>);
+
+impl BatchSolver for Leaving {
+    fn solve(
+        &mut self,
+        rves: &mut [&mut Rve],
+        _: &[Matrix3<f64>],
+        _: &EquilibriumParams,
+        progress: &(dyn Fn(usize) + Sync),
+    ) -> Result<Vec<Option<BatchEquilibrium>>, String> {
+        progress(3);
+        self.1.send(self.0.progress()).unwrap();
+        Ok(vec![None; rves.len()])
+    }
+
+    fn converge_to(&mut self, from: &[&Rve], _: &[&Rve], _: &EquilibriumParams) -> Result<Vec<bool>, String> {
+        self.1.send(self.0.progress()).unwrap();
+        Ok(vec![false; from.len()])
+    }
+}
+
+#[test]
+fn batches_report_their_progress() {
+    let mut field = field(true);
+    let activity = Arc::clone(field.activity().as_ref().unwrap());
+    let (sender, reports) = mpsc::channel();
+    let of_solver = Arc::clone(&activity);
+    let leaving = move |_: &_| Some(Box::new(Leaving(of_solver.clone(), sender.clone())) as Box<dyn BatchSolver>);
+    field.solve_in_batches(|model| Ok::<_, ()>(leaving(model))).unwrap();
+    let targets = gradients(0.01, 1);
+    field.update(&targets, &mut PointResponses::default()).unwrap();
+    assert_eq!(reports.recv().unwrap(), Some(RveProgress { rves: ELEMENTS, done: 3, slowest: None }));
+    field.verify(&targets, &mut PointResponses::default()).unwrap();
+    assert_eq!(reports.recv().unwrap(), Some(RveProgress { rves: ELEMENTS, done: 0, slowest: None }));
+    assert_eq!(activity.progress(), None);
 }
 
 #[test]

@@ -28,7 +28,7 @@ fn at_rest() -> TissueField<Sparse> {
         networks: vec![network],
         assignment: NetworkAssignment::Cycle,
         seed: 0,
-        scale: StressScale::Raw,
+        scale: StressScale::Raw.into(),
         law: None,
         matrix: None,
         lifecycle: RveLifecycle::default(),

@@ -12,7 +12,7 @@ fn sites(rules: RveLifecycle) -> Sites {
     let matrix = Some(Arc::new(Formula::NeoHookean(NeoHookean { mu: 1.0, lambda: 2.0 })));
     let lifecycle = Some(Box::new(LifecycleState::new(rules)));
     Sites {
-        sites: vec![Site::Rve(RveSite { region: 0, model: None, matrix, lifecycle })],
+        sites: vec![Site::Rve(RveSite { region: 0, network: None, matrix, lifecycle })],
         points: PointNumbering::default(),
         at_rest: Vec::new(),
         pending: RveChanges::default(),
