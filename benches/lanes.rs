@@ -141,6 +141,7 @@ fn measure(name: &str, network: Network, count: usize) {
     let selected = std::env::args().nth(1).filter(|argument| argument != "--bench");
     for (level, batch) in &batches {
         let name = match level {
+            #[cfg(not(target_arch = "x86_64"))]
             Level::Portable => "4 lanes, any machine",
             #[cfg(target_arch = "x86_64")]
             Level::Avx2(_) => "4 lanes, AVX2",

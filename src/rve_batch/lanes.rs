@@ -28,15 +28,16 @@ impl LaneBatch {
     /// Makes a solver for RVEs of this model. With `predicts`, a solution keeps the sensitivities of the interior nodes, and
     /// the next one starts from a first-order prediction.
     ///
-    /// Returns `None` if a law of the model is a table or a custom law, or if an interior node of the network has no fiber.
+    /// Returns `None` if a law of the model is a table or a custom law, if an interior node of the network has no fiber, or if
+    /// the machine has no lanes (on x86-64: neither AVX2 nor AVX-512).
     pub fn new<B: RealBackend>(model: &RveModel<B>, predicts: bool) -> Option<Self> {
-        let lanes = NetworkLanes::new(&network_data(model)?);
+        let lanes = NetworkLanes::new(&network_data(model)?)?;
         Some(Self { lanes, of_model: OfModel::new(model), predicts })
     }
 
     /// Makes a solver with these instructions.
     ///
-    /// Returns `None` as [`LaneBatch::new`] does.
+    /// Returns `None` for models as [`LaneBatch::new`] does.
     pub fn with_level<B: RealBackend>(model: &RveModel<B>, predicts: bool, level: Level) -> Option<Self> {
         let lanes = NetworkLanes::with_level(&network_data(model)?, level);
         Some(Self { lanes, of_model: OfModel::new(model), predicts })

@@ -17,6 +17,9 @@ mod forces;
 mod laws;
 mod network;
 mod newton;
+// On x86-64 it only serves the tests: its kernels take as long to compile as those of AVX2.
+#[cfg(any(test, not(target_arch = "x86_64")))]
+mod portable;
 mod simd;
 mod start;
 mod tangent;
@@ -30,7 +33,9 @@ use pulp::x86::{V3, V4};
 use arrays::{Arrays, with_arrays};
 use network::Network;
 use newton::{Course, Newton};
-use simd::{Lanes, MOST_LANES, Portable, Simd, numbers_of};
+#[cfg(any(test, not(target_arch = "x86_64")))]
+use portable::Portable;
+use simd::{Lanes, MOST_LANES, Simd, numbers_of};
 pub use start::LaneStart;
 use tangent::{ComputeProducts, Energy, SolveModes, Stress};
 
@@ -43,7 +48,8 @@ const ACCURATE: f64 = 1e-8;
 /// The instructions that the lanes use.
 #[derive(Clone, Copy, Debug)]
 pub enum Level {
-    /// Those of any machine: four lanes.
+    /// Those of any machine: four lanes. On x86-64 only the tests have it.
+    #[cfg(any(test, not(target_arch = "x86_64")))]
     Portable,
     /// AVX2 with fused multiply-adds: four lanes.
     #[cfg(target_arch = "x86_64")]
@@ -54,9 +60,11 @@ pub enum Level {
 }
 
 impl Level {
-    /// Returns all levels that this machine has, the fastest last.
+    /// Returns all levels that this machine has, the fastest last; none on x86-64 without AVX2.
     pub fn all() -> Vec<Self> {
-        let mut all = vec![Self::Portable];
+        let mut all = Vec::new();
+        #[cfg(any(test, not(target_arch = "x86_64")))]
+        all.push(Self::Portable);
         #[cfg(target_arch = "x86_64")]
         {
             all.extend(V3::try_new().map(Self::Avx2));
@@ -68,6 +76,7 @@ impl Level {
     /// The number of lanes.
     pub fn lanes(self) -> usize {
         match self {
+            #[cfg(any(test, not(target_arch = "x86_64")))]
             Self::Portable => Portable::LANES,
             #[cfg(target_arch = "x86_64")]
             Self::Avx2(_) => V3::LANES,
@@ -102,12 +111,12 @@ pub struct NetworkLanes {
 }
 
 impl NetworkLanes {
-    /// Orders a network for the lanes of this machine.
+    /// Orders a network for the lanes of this machine; `None` if it has none.
     ///
     /// # Panics
     /// Panics if the lists of the network have different lengths, or if a fiber has a node or a law that does not exist.
-    pub fn new(network: &NetworkData) -> Self {
-        Self::with_level(network, Level::all().pop().unwrap_or(Level::Portable))
+    pub fn new(network: &NetworkData) -> Option<Self> {
+        Some(Self::with_level(network, Level::all().pop()?))
     }
 
     /// Orders a network for these instructions.
@@ -116,6 +125,7 @@ impl NetworkLanes {
     /// As for [`NetworkLanes::new`].
     pub fn with_level(network: &NetworkData, level: Level) -> Self {
         let tile = match level {
+            #[cfg(any(test, not(target_arch = "x86_64")))]
             Level::Portable => Portable::TILE,
             #[cfg(target_arch = "x86_64")]
             Level::Avx2(_) => V3::TILE,
@@ -132,7 +142,12 @@ impl NetworkLanes {
 
     /// Returns true if the lanes are in registers of vectors, not in what a compiler makes of arrays.
     pub fn has_vectors(&self) -> bool {
-        !matches!(self.level, Level::Portable)
+        match self.level {
+            #[cfg(any(test, not(target_arch = "x86_64")))]
+            Level::Portable => false,
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx2(_) | Level::Avx512(_) => true,
+        }
     }
 
     /// Floating-point operations of one factorization.
@@ -154,6 +169,7 @@ impl NetworkLanes {
     pub fn solve(&self, starts: &[LaneStart<'_>], params: &BatchParams, read: impl FnMut(usize, LaneEnd<'_>)) {
         self.check(starts, params);
         match self.level {
+            #[cfg(any(test, not(target_arch = "x86_64")))]
             Level::Portable => self.solve_with::<_, 1, 1>(Portable, starts, params, read),
             #[cfg(target_arch = "x86_64")]
             Level::Avx2(simd) => self.solve_with::<_, 1, 1>(simd, starts, params, read),
@@ -175,6 +191,7 @@ impl NetworkLanes {
             reached.iter().map(|reached| order.iter().map(|&node| reached[node as usize]).collect()).collect();
         let params = BatchParams { max_iterations: STEPS_OF_CONTINUATION, ..*params };
         match self.level {
+            #[cfg(any(test, not(target_arch = "x86_64")))]
             Level::Portable => self.continues_with::<_, 1, 1>(Portable, starts, &reached, &params),
             #[cfg(target_arch = "x86_64")]
             Level::Avx2(simd) => self.continues_with::<_, 1, 1>(simd, starts, &reached, &params),
