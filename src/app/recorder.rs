@@ -420,11 +420,15 @@ fn load_names(case: &Case, mesh: &Mesh) -> LoadNames {
 }
 
 fn rve_log(stats: &RveStats, counts: &RveCounts) -> RveLog {
+    let quantile =
+        |share| stats.by_iterations.quantile(share, stats.most_iterations).map(|iterations| iterations as u64);
     RveLog {
         solves: stats.solves as u64,
         in_batches: stats.in_batches as u64,
         iterations_total: stats.iterations as u64,
         iterations_max: stats.most_iterations as u64,
+        iterations_median: quantile(0.5),
+        iterations_p95: quantile(0.95),
         iterations_mean: stats.iterations as f64 / stats.solves.max(1) as f64,
         cuts: stats.cuts as u64,
         indefinite: stats.indefinite as u64,

@@ -120,6 +120,8 @@ pub fn write(dir: &Path, cells: [usize; 3]) {
             solves: (4 * rves) as u64,
             iterations_total: (18 * rves) as u64,
             iterations_max: 6 + 2 * step as u64,
+            iterations_median: Some(4),
+            iterations_p95: Some(5 + step as u64),
             iterations_mean: 4.5 + 0.1 * step as f64,
             seconds_cpu: 10.0,
             asleep: 0,

@@ -245,6 +245,13 @@ pub struct RveLog {
     pub iterations_total: u64,
     /// Largest number of iterations of one solve.
     pub iterations_max: u64,
+    /// The number of iterations that half of the solves did not exceed; absent without solves and in logs of earlier
+    /// versions.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub iterations_median: Option<u64>,
+    /// The number of iterations that 95 % of the solves did not exceed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub iterations_p95: Option<u64>,
     /// Mean number of iterations per solve.
     pub iterations_mean: f64,
     /// Number of increments that were halved.

@@ -24,6 +24,7 @@
 
 mod clear;
 pub mod collection;
+mod compressed;
 pub mod costs;
 mod error;
 pub mod fields;

@@ -8,8 +8,9 @@ use quick_xml::events::{BytesDecl, BytesStart, Event as XmlEvent};
 use vtkio::model::{Attribute, ByteOrder, DataArray, DataSet, Version, Vtk};
 
 use super::ResultsError;
+use super::compressed::{compress, decompress};
 
-/// Encodes a data set in VTK's XML form.
+/// Encodes a data set in VTK's XML form, with compressed arrays.
 pub(super) fn encode(path: &Path, data: DataSet) -> Result<Vec<u8>, ResultsError> {
     let vtk = Vtk {
         version: Version::XML { major: 1, minor: 0 },
@@ -23,7 +24,7 @@ pub(super) fn encode(path: &Path, data: DataSet) -> Result<Vec<u8>, ResultsError
     for array in ["connectivity", "offsets"] {
         declare_signed(&mut bytes, array);
     }
-    Ok(bytes)
+    compress(&bytes).map_err(|source| ResultsError::Encode(path.into(), source.into()))
 }
 
 /// Declares an array of the cells as signed, as VTK's own files do. The bits are the same, but numpy, and therefore
@@ -38,6 +39,7 @@ fn declare_signed(bytes: &mut Vec<u8>, array: &str) {
 /// Reads the data set in a file; `expected` describes it in errors.
 pub(super) fn read(path: &Path, expected: &'static str) -> Result<DataSet, ResultsError> {
     let text = std::fs::read(path).map_err(ResultsError::read(path))?;
+    let text = decompress(text).map_err(|what| ResultsError::damaged(path, None, what, expected))?;
     check_arrays(path, &text)?;
     let vtk = Vtk::parse_xml(text.as_slice());
     vtk.map(|vtk| vtk.data).map_err(|error| ResultsError::damaged(path, None, error.to_string(), expected))

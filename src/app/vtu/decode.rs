@@ -24,7 +24,7 @@ pub(super) enum NumberType {
 
 /// What the root element of a file says about all arrays in binary.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Encoding {
+pub(in crate::app) struct Encoding {
     pub is_big_endian: bool,
     /// Bytes of a number in the header of an array: 4 or 8.
     pub header: usize,
@@ -101,7 +101,7 @@ fn word(bytes: &[u8], is_big_endian: bool) -> u64 {
 
 /// Encoded bytes: raw ones, or base64.
 #[derive(Clone, Copy)]
-pub(super) enum Source<'a> {
+pub(in crate::app) enum Source<'a> {
     Raw(&'a [u8]),
     Base64(&'a [u8]),
 }
@@ -153,8 +153,12 @@ fn from_base64(text: &[u8], count: usize) -> Result<Vec<u8>, String> {
 impl Encoding {
     /// Returns the numbers of an array in binary.
     pub fn decode(self, source: Source<'_>, of: NumberType) -> Result<Numbers, String> {
-        let bytes = if self.is_compressed { self.decompressed(source)? } else { self.plain(source)? };
-        of.parse_bytes(&bytes, self.is_big_endian)
+        of.parse_bytes(&self.bytes(source)?, self.is_big_endian)
+    }
+
+    /// Returns the bytes of an array in binary.
+    pub fn bytes(self, source: Source<'_>) -> Result<Vec<u8>, String> {
+        if self.is_compressed { self.decompressed(source) } else { self.plain(source) }
     }
 
     fn header(self, bytes: &[u8]) -> Result<Vec<usize>, String> {

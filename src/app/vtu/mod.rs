@@ -17,7 +17,7 @@
 
 mod cell_data;
 mod cells;
-mod decode;
+pub(in crate::app) mod decode;
 mod file;
 #[cfg(test)]
 mod tests;

@@ -12,6 +12,7 @@ use nalgebra::Matrix3;
 use rayon::prelude::*;
 
 use super::error::{PointFailure, PointFailureKind};
+use super::iterations::IterationCounts;
 use super::library::Library;
 use super::unit::{Origin, RveStats, Unit};
 use super::units::Units;
@@ -171,6 +172,7 @@ fn accept(
         in_batches: 1,
         iterations: found.iterations,
         most_iterations: found.iterations,
+        by_iterations: IterationCounts::one(found.iterations),
         line_search_cuts: found.backtracks,
         predicted: usize::from(predicted),
         seconds: found.seconds.unwrap_or(0.0),

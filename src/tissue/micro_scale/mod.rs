@@ -9,6 +9,7 @@
 //! | `batches` | the RVEs that another processor solves, all of one model at once |
 //! | `sites` | the material of each point: a formula, an RVE, or the substitute of an RVE that is not awake |
 //! | `activity` | what the threads are doing, for a report of progress |
+//! | `iterations` | numbers of solves by their iterations |
 //! | `costs` | what each RVE cost in each sweep |
 //! | `lifecycle` | when an RVE is created, sleeps, wakes and is deleted |
 //! | `moving` | an RVE on the way to another rank |
@@ -21,6 +22,7 @@ mod activity;
 mod batches;
 mod costs;
 mod error;
+mod iterations;
 mod library;
 mod lifecycle;
 mod moving;
@@ -51,6 +53,7 @@ use crate::tissue::two_scale::{BalanceReport, RankTimes};
 pub use activity::{Activity, RveProgress, SlowestRve};
 pub use costs::RveCost;
 pub use error::{PointFailure, PointFailureKind, TissueFieldError};
+pub use iterations::IterationCounts;
 pub use library::{Library, LibraryError, PointMaterial, PointNetwork};
 pub use lifecycle::RveStatus;
 pub(super) use moving::MovingError;

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use nalgebra::Matrix3;
 
+use super::iterations::IterationCounts;
 use super::library::{Library, PointNetwork};
 use super::worker::Worker;
 use crate::coupling::balance::Cost;
@@ -97,6 +98,9 @@ pub struct RveStats {
     pub iterations: usize,
     /// Most Newton iterations of one solve.
     pub most_iterations: usize,
+    /// Numbers of solves by their Newton iterations.
+    #[serde(default)]
+    pub by_iterations: IterationCounts,
     /// Halvings of an increment.
     pub cuts: usize,
     /// Newton steps shortened by the line search.
@@ -132,6 +136,7 @@ impl RveStats {
             reused: self.reused + other.reused,
             iterations: self.iterations + other.iterations,
             most_iterations: self.most_iterations.max(other.most_iterations),
+            by_iterations: self.by_iterations.merge(other.by_iterations),
             cuts: self.cuts + other.cuts,
             line_search_cuts: self.line_search_cuts + other.line_search_cuts,
             indefinite: self.indefinite + other.indefinite,
@@ -158,6 +163,7 @@ impl RveStats {
         self.solves += 1;
         self.iterations += report.iterations;
         self.most_iterations = self.most_iterations.max(report.iterations);
+        self.by_iterations.count(report.iterations);
         self.cuts += report.cuts as usize;
         self.line_search_cuts += report.backtracks;
         self.indefinite += report.indefinite;

@@ -163,12 +163,18 @@ fn seconds(run: &Run) -> Option<Figure> {
 }
 
 fn rves(run: &Run) -> Option<Figure> {
-    let line = |name: &str, of: fn(&RveLog) -> f64| Line {
+    let line = |name: &str, of: fn(&RveLog) -> Option<f64>| Line {
         name: name.into(),
-        points: over_increments(run, |increment| Some(of(increment.log?.rve.as_ref()?))),
+        points: over_increments(run, |increment| of(increment.log?.rve.as_ref()?)),
     };
-    let all = [line("mean", |rve| rve.iterations_mean), line("maximum", |rve| rve.iterations_max as f64)];
-    if all[0].points.is_empty() {
+    let mut all = vec![
+        line("mean", |rve| Some(rve.iterations_mean)),
+        line("median", |rve| Some(rve.iterations_median? as f64)),
+        line("95th percentile", |rve| Some(rve.iterations_p95? as f64)),
+        line("maximum", |rve| Some(rve.iterations_max as f64)),
+    ];
+    all.retain(|line| !line.points.is_empty());
+    if all.is_empty() {
         return None;
     }
     let labels = Labels { chart: "RVE iterations", x: "load step", y: "Newton iterations of an RVE" };

@@ -265,7 +265,7 @@ fn table(directory: &Directory, run: &Run) -> String {
         head.extend(["Newton iterations", "relative residual", "cuts", "seconds"].map(str::to_owned));
     }
     if with_rves {
-        head.extend(["RVE solves", "mean RVE iterations", "largest"].map(str::to_owned));
+        head.extend(["RVE solves", "mean RVE iterations", "median", "95 %", "largest"].map(str::to_owned));
     }
     let mut html = String::from("<h2>Load steps</h2>\n<div class=\"scroll\"><table><thead><tr>");
     for column in head {
@@ -294,6 +294,9 @@ fn table(directory: &Directory, run: &Run) -> String {
             let rve = increment.log.and_then(|log| log.rve.as_ref());
             cells.push(rve.map_or_else(String::new, |rve| rve.solves.to_string()));
             cells.push(number(rve.map(|rve| rve.iterations_mean)));
+            for percentile in [rve.and_then(|rve| rve.iterations_median), rve.and_then(|rve| rve.iterations_p95)] {
+                cells.push(percentile.map_or_else(String::new, |iterations| iterations.to_string()));
+            }
             cells.push(rve.map_or_else(String::new, |rve| rve.iterations_max.to_string()));
         }
         let _ = writeln!(html, "<tr><td>{}</td></tr>", cells.join("</td><td>"));
