@@ -23,7 +23,7 @@ const ARRAYS: Encoding = Encoding { is_big_endian: false, header: 8, is_compress
 /// Compresses the arrays of a file, which are in base64.
 pub(super) fn compress(text: &[u8]) -> io::Result<Vec<u8>> {
     let invalid = |reason| io::Error::new(io::ErrorKind::InvalidData, reason);
-    let compress = |array: &[u8]| {
+    let compress = |array: &[u8]| -> io::Result<String> {
         let bytes = ARRAYS.bytes(Source::Base64(array)).map_err(invalid)?;
         let blocks: Vec<Vec<u8>> = bytes.chunks(BLOCK).map(compress_block).collect::<io::Result<_>>()?;
         let lengths = [blocks.len(), BLOCK, bytes.len() % BLOCK].into_iter().chain(blocks.iter().map(Vec::len));
@@ -43,7 +43,7 @@ pub(super) fn compress(text: &[u8]) -> io::Result<Vec<u8>> {
 /// Returns what is wrong with an array.
 pub(super) fn decompress(text: Vec<u8>) -> Result<Vec<u8>, String> {
     let Some(attribute) = find(&text, COMPRESSOR.as_bytes(), 0) else { return Ok(text) };
-    let decompress = |array: &[u8]| {
+    let decompress = |array: &[u8]| -> Result<String, String> {
         let bytes = Encoding { is_compressed: true, ..ARRAYS }.bytes(Source::Base64(array))?;
         let header = (bytes.len() as u64).to_le_bytes();
         Ok(STANDARD.encode([&header, &bytes[..]].concat()))

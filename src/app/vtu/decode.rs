@@ -152,7 +152,7 @@ fn from_base64(text: &[u8], count: usize) -> Result<Vec<u8>, String> {
 
 impl Encoding {
     /// Returns the numbers of an array in binary.
-    pub fn decode(self, source: Source<'_>, of: NumberType) -> Result<Numbers, String> {
+    pub(super) fn decode(self, source: Source<'_>, of: NumberType) -> Result<Numbers, String> {
         of.parse_bytes(&self.bytes(source)?, self.is_big_endian)
     }
 
