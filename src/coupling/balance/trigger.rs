@@ -26,7 +26,7 @@ pub struct TriggerParams {
 impl Default for TriggerParams {
     fn default() -> Self {
         Self {
-            threshold: 1.05,
+            threshold: 1.03,
             sweeps: 1,
             cool_down: 0,
             horizon: 10.0,

@@ -13,6 +13,10 @@
 //! Half of the networks are Delaunay networks, solved by all stages. The other half are Voronoi networks, which are
 //! floppy; they are solved by dynamic relaxation followed by regularized Newton. Both kinds have three strengths of
 //! alignment and 200 to 3 000 nodes.
+//!
+//! With `--lanes`, it compares the same cases, solved by all stages, with lanes and without: `lanes.rs`.
+
+mod lanes;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -68,6 +72,9 @@ fn main() -> Result<(), Error> {
     let budget = argument("--seconds", 3000)? as f64;
     let start = Instant::now();
     let subjects = (0..networks).into_par_iter().map(subject).collect::<Result<Vec<_>, _>>()?;
+    if std::env::args().any(|argument| argument == "--lanes") {
+        return Ok(lanes::compare(&subjects, gradients)?);
+    }
     let outcomes = subjects
         .par_iter()
         .map(|subject| deform(subject, gradients, || start.elapsed().as_secs_f64() < budget))
@@ -142,16 +149,24 @@ fn random_gradient(random: &mut ChaCha8Rng) -> Matrix3<f64> {
     turn * axes * Matrix3::from_diagonal(&stretches.into()) * axes.transpose()
 }
 
-/// Solves a network for `gradients` random deformation gradients, as long as `in_time` returns true.
-fn deform(subject: &Subject, gradients: usize, in_time: impl Fn() -> bool) -> Result<Vec<Outcome>, String> {
+/// Returns the random deformation gradients of a network.
+fn random_gradients(subject: &Subject, count: usize) -> impl Iterator<Item = Matrix3<f64>> {
+    let mut random = ChaCha8Rng::seed_from_u64(1000 + subject.seed);
+    (0..count).map(move |_| random_gradient(&mut random))
+}
+
+fn model(subject: &Subject) -> Result<RveModel<Sparse>, String> {
     let law = Law::Exponential { youngs_modulus: 1.0e8, nonlinearity: 1.2 };
     let material = FiberMaterial { law, radius: 5.0e-8, density: None };
     let scale = StressScale::FiberVolumeFraction(0.003);
-    let model = RveModel::<Sparse>::new(&(), Arc::clone(&subject.network), Some(material), scale)
-        .map_err(|error| error.to_string())?;
+    RveModel::new(&(), Arc::clone(&subject.network), Some(material), scale).map_err(|error| error.to_string())
+}
+
+/// Solves a network for `gradients` random deformation gradients, as long as `in_time` returns true.
+fn deform(subject: &Subject, gradients: usize, in_time: impl Fn() -> bool) -> Result<Vec<Outcome>, String> {
+    let model = model(subject)?;
     let mut workspace = Workspace::new(&(), &model).map_err(|error| error.to_string())?;
-    let mut random = ChaCha8Rng::seed_from_u64(1000 + subject.seed);
-    let tried = (0..gradients).map(|_| random_gradient(&mut random)).take_while(|_| in_time());
+    let tried = random_gradients(subject, gradients).take_while(|_| in_time());
     Ok(tried.map(|gradient| solve(subject, &model, &gradient, &mut workspace)).collect())
 }
 

@@ -1,0 +1,100 @@
+//! The cases with and without lanes: which of them are solved in lanes, and whether the results are the same.
+
+use biotissue::fiber::equilibrium::{EquilibriumParams, Stage, equilibrate};
+use biotissue::fiber::network::generate::Kind;
+use biotissue::fiber::rve::Rve;
+use biotissue::fiber::workspace::Workspace;
+use biotissue::rve_batch::LaneBatch;
+use nalgebra::Matrix3;
+use rayon::prelude::*;
+
+use super::{Subject, model, random_gradients};
+
+/// The cases of one kind of network.
+#[derive(Clone, Copy, Default)]
+struct Counts {
+    cases: usize,
+    in_lanes: usize,
+    /// Cases left to the solution without lanes, by whether Newton's method alone solves them there.
+    left_by_newton: usize,
+    left_by_others: usize,
+    /// Cases solved in lanes with another number of iterations, in another stage, or not at all without lanes.
+    different: usize,
+    /// The largest differences of stress and tangent, relative to their norms.
+    stress: f64,
+    tangent: f64,
+}
+
+impl Counts {
+    fn merge(self, other: Self) -> Self {
+        Self {
+            cases: self.cases + other.cases,
+            in_lanes: self.in_lanes + other.in_lanes,
+            left_by_newton: self.left_by_newton + other.left_by_newton,
+            left_by_others: self.left_by_others + other.left_by_others,
+            different: self.different + other.different,
+            stress: self.stress.max(other.stress),
+            tangent: self.tangent.max(other.tangent),
+        }
+    }
+}
+
+/// Solves every case from rest in lanes and without them, by all stages, and prints how the results compare.
+pub fn compare(subjects: &[Subject], gradients: usize) -> Result<(), String> {
+    println!(
+        "| network | cases | in lanes | left, solved by Newton | left, by other stages or not at all | different | stress | tangent |\n\
+         |---|---|---|---|---|---|---|---|"
+    );
+    for kind in Kind::ALL {
+        let of_kind = subjects.par_iter().filter(|subject| subject.kind == kind);
+        let counts = of_kind.map(|subject| compare_network(subject, gradients)).collect::<Result<Vec<_>, _>>()?;
+        let sum = counts.into_iter().fold(Counts::default(), Counts::merge);
+        println!(
+            "| {} | {} | {} | {} | {} | {} | {:.0e} | {:.0e} |",
+            kind.name(),
+            sum.cases,
+            sum.in_lanes,
+            sum.left_by_newton,
+            sum.left_by_others,
+            sum.different,
+            sum.stress,
+            sum.tangent
+        );
+    }
+    Ok(())
+}
+
+fn compare_network(subject: &Subject, gradients: usize) -> Result<Counts, String> {
+    let model = model(subject)?;
+    let batch = LaneBatch::new(&model, true).ok_or("this machine has no lanes")?;
+    let params = EquilibriumParams::default();
+    let targets: Vec<Matrix3<f64>> = random_gradients(subject, gradients).collect();
+    let mut rves = vec![Rve::at_rest(&subject.network); targets.len()];
+    let mut all: Vec<&mut Rve> = rves.iter_mut().collect();
+    let found = batch.solve(&mut all, &targets, &params);
+    let mut workspace = Workspace::new(&(), &model).map_err(|error| error.to_string())?;
+    let mut counts = Counts::default();
+    for (target, found) in targets.iter().zip(found) {
+        counts.cases += 1;
+        let mut rve = Rve::at_rest(&subject.network);
+        let solved = equilibrate(&model, &mut rve, target, &params, &mut workspace);
+        let expected = solved.ok().and_then(|mut solved| {
+            let tangent = solved.tangent().ok()?;
+            Some((solved.pk1(), tangent, solved.report().stage, solved.report().iterations))
+        });
+        let by_newton = expected.as_ref().is_some_and(|(.., stage, _)| *stage == Some(Stage::Newton));
+        let Some(found) = found else {
+            *(if by_newton { &mut counts.left_by_newton } else { &mut counts.left_by_others }) += 1;
+            continue;
+        };
+        counts.in_lanes += 1;
+        match expected {
+            Some((pk1, tangent, _, iterations)) if by_newton && iterations == found.iterations => {
+                counts.stress = counts.stress.max((found.pk1 - pk1).norm() / pk1.norm());
+                counts.tangent = counts.tangent.max((found.tangent - tangent).norm() / tangent.norm());
+            }
+            _ => counts.different += 1,
+        }
+    }
+    Ok(counts)
+}
