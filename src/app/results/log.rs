@@ -15,6 +15,7 @@ pub use crate::tissue::two_scale::{MigrationReport, RankTimes};
 /// One line of the log.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "event", rename_all = "snake_case")]
+#[allow(clippy::large_enum_variant, reason = "a run has one event at a time")]
 pub enum Event {
     /// The run starts; a resumed run writes this event again.
     Start(Start),
