@@ -1,0 +1,78 @@
+#!/usr/bin/env bash
+# Checks published networks, which must all be accepted, and runs the published ligament.
+#
+# BIOTISSUE_MUMFIM_CASES names a folder with MuMFiM's public test cases: every network in it is checked. BIOTISSUE_NETWORKS
+# names the folder with the ligament (ligament/): all its networks are checked, and its body is run with two of the 50 load
+# steps, or as many as the argument says. A folder that is not named is skipped, with a message.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+steps=${1:-2}
+cargo build --quiet --release
+program=${CARGO_TARGET_DIR:-$PWD/target}/release/biotissue
+folder=$(mktemp -d)
+trap 'rm -r "$folder"' EXIT
+
+# Networks have a parameter file beside them, or the numbers of nodes, unknowns and fibers in their first line.
+networks_in() {
+    find "$1" -type f -name '*.txt' -print0 | sort -z | while IFS= read -r -d '' file; do
+        if [ -f "$file.params" ] || head -n 1 "$file" | grep -Eq '^ *[0-9]+ +[0-9]+ +[0-9]+ *$'; then
+            printf '%s\0' "$file"
+        fi
+    done
+}
+
+refused=0
+check_networks() { # check_networks FOLDER
+    local count=0
+    while IFS= read -r -d '' file; do
+        count=$((count + 1))
+        if ! "$program" network info "$file" >"$folder/output" 2>&1; then
+            refused=$((refused + 1))
+            sed "s|^|refused: |" "$folder/output"
+        fi
+    done < <(networks_in "$1")
+    echo "$1: $count networks, $refused refused"
+    if [ "$count" -eq 0 ]; then
+        echo "no network found: is this the folder of the test cases?" >&2
+        exit 1
+    fi
+}
+
+if [ -n "${BIOTISSUE_MUMFIM_CASES:-}" ]; then
+    check_networks "$BIOTISSUE_MUMFIM_CASES"
+else
+    echo "skipped: BIOTISSUE_MUMFIM_CASES names no folder with MuMFiM's public test cases"
+fi
+
+ligament=${BIOTISSUE_NETWORKS:+$BIOTISSUE_NETWORKS/ligament}
+if [ -z "$ligament" ] || [ ! -d "$ligament" ]; then
+    echo "skipped: BIOTISSUE_NETWORKS names no folder with ligament/"
+    exit "$((refused > 0))"
+fi
+check_networks "$ligament"
+cat >"$folder/ligament.toml" <<CASE
+title = "A facet capsular ligament"
+[mesh]
+file = "$ligament/ligament_6192.msh"
+[[region]]
+name = "*"
+[region.material]
+model = "fiber-rve"
+networks = ["$ligament/theta_*.txt"]
+choose = { index = { grid = "$ligament/field_grid.csv", bins = 20 } }
+fiber_volume_fraction = 0.003
+[[boundary]]
+surface = "face82"
+displacement = { x = 0.0, y = 0.0, z = 0.0 }
+[[boundary]]
+surface = "face78"
+displacement = { x = $(awk "BEGIN { print 2.5e-3 * $steps / 50 }"), y = 0.0, z = 0.0 }
+[steps]
+count = $steps
+[newton]
+tolerance = 1e-5
+CASE
+"$program" check "$folder/ligament.toml"
+"$program" run "$folder/ligament.toml" --out "$folder/results"
+exit "$((refused > 0))"
