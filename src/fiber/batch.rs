@@ -42,6 +42,11 @@ pub trait BatchSolver: Send {
         progress: &(dyn Fn(usize) + Sync),
     ) -> Result<Vec<Option<BatchEquilibrium>>, String>;
 
+    /// Bytes of memory of this process for each thread that solves.
+    fn bytes_per_thread(&self) -> usize {
+        0
+    }
+
     /// Returns for each RVE whether Newton evidently leads from the state in `from`, moved affinely, to the equilibrium in
     /// `reached`; see [`converges_to`](super::equilibrium::converges_to).
     ///

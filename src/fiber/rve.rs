@@ -151,6 +151,11 @@ impl<B: RealBackend> RveModel<B> {
         self.scale
     }
 
+    /// Bytes of the network, its pattern and its analysis, estimated.
+    pub fn bytes(&self) -> usize {
+        60 * self.truss.network().nodes().len() + 100 * self.truss.network().fibers().len() + 12 * self.pattern.nnz()
+    }
+
     /// Number of unknowns: three per interior node.
     pub fn unknowns(&self) -> usize {
         self.pattern.rows()

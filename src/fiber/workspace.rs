@@ -66,6 +66,24 @@ impl<B: RealBackend> Workspace<B> {
         })
     }
 
+    /// Bytes of a workspace for RVEs of this model: its arrays, the values of the stiffness, and the factor as far as the
+    /// backend knows it.
+    pub fn bytes_for(model: &RveModel<B>) -> usize {
+        let network = model.network();
+        let vector = size_of::<[f64; 3]>();
+        let of_node = 2 * (vector + size_of::<[f64; 3 * MODES]>());
+        let of_interior = vector + size_of::<[f64; 9]>();
+        let of_fiber = vector + 4 * size_of::<f64>();
+        // Residual, direction, and a load and a solution for each mode.
+        let of_unknown = (2 + 2 * MODES) * size_of::<f64>();
+        network.nodes().len() * of_node
+            + network.interior().len() * of_interior
+            + network.fibers().len() * of_fiber
+            + model.unknowns() * of_unknown
+            + model.pattern.nnz() * size_of::<f64>()
+            + B::factor_bytes(&model.symbolic)
+    }
+
     /// Reports the stages of solutions in `stage`, which other threads may read.
     pub fn report_stages(&mut self, stage: Arc<StageInProgress>) {
         self.stage = stage;

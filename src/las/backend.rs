@@ -123,6 +123,12 @@ pub trait Backend: Copy + Default + Debug + Send + Sync + 'static {
     /// # Errors
     /// Returns the backend's error if it cannot create the solver.
     fn solver(symbolic: &Arc<Self::Symbolic>) -> Result<Self::Solver, SolveError<Self::Error>>;
+
+    /// Returns the bytes that the factor of a direct solver takes, for forecasts of memory; 0 if the backend does not know
+    /// or the method is iterative.
+    fn factor_bytes(_symbolic: &Self::Symbolic) -> usize {
+        0
+    }
 }
 
 /// A backend whose entries, norms and dot products are single numbers: the bound of the Krylov methods. Every such

@@ -169,6 +169,10 @@ impl BatchSolver for LaneBatch {
         Ok(self.solve_with_progress(rves, targets, params, progress))
     }
 
+    fn bytes_per_thread(&self) -> usize {
+        self.lanes.lanes() * self.lanes.bytes_per_lane()
+    }
+
     fn converge_to(
         &mut self,
         from: &[&Rve],

@@ -15,6 +15,7 @@ mod killed;
 mod killed_migration;
 mod loads;
 mod measure;
+mod memory;
 mod mesh_files;
 mod messages;
 mod network_fields;

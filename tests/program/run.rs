@@ -124,7 +124,8 @@ fn check_prints_the_plan_and_writes_nothing() {
         (&1.into(), &serde_json::json!(["body"]), &6.into())
     );
     assert_eq!((&plan["element_types"], &plan["integration_points"]), (&serde_json::json!({ "tet4": 6 }), &6.into()));
-    assert!(plan["rve_bytes"].as_u64() > Some(0));
+    let memory = &plan["memory"];
+    assert!(memory["rves"].as_u64() > Some(0) && memory["total"].as_u64() > memory["networks"].as_u64(), "{memory}");
     assert_eq!(plan["bounding_box"], serde_json::json!([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]]));
     for (found, expected) in [
         (&plan["volume"], 1.0),

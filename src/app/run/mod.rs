@@ -14,6 +14,7 @@
 mod checkpoints;
 mod forecast;
 mod measurement;
+mod memory;
 mod outcome;
 mod problem_size;
 mod rank_writers;
@@ -27,6 +28,7 @@ use std::time::Instant;
 
 pub use forecast::{Forecast, RankSplit};
 pub use measurement::{Measurement, NetworkCost};
+pub use memory::MemoryForecast;
 pub use outcome::{ResumeError, Resumed, RunError, RunSummary};
 pub use problem_size::{NetworkSize, ProblemSize};
 pub use rank_writers::RootWriter;

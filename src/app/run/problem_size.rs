@@ -20,10 +20,6 @@ pub struct ProblemSize {
     pub rves: usize,
     /// Networks, each with its unknowns and the RVEs that use it.
     pub networks: Vec<NetworkSize>,
-    /// Bytes of all RVE states and responses.
-    pub rve_bytes: usize,
-    /// Bytes of the gradients, stresses and tangents of the body, without the factors of its stiffness.
-    pub body_bytes: usize,
     /// The linear solver of the body, and why it was chosen.
     pub solver: String,
     /// Whether that solver is iterative.
@@ -63,16 +59,12 @@ impl ProblemSize {
             unknowns: model.unknowns(),
             rves,
         });
-        // Every point has two states: the converged one and the trial one.
-        let point_bytes = 2 * (1 + 9 + 9 + 81) * size_of::<f64>();
         Self {
             elements: mesh.whole().elements,
             nodes: mesh.whole().nodes,
             unknowns,
             rves: counts.rves,
             networks: networks.collect(),
-            rve_bytes: field.rve_bytes(),
-            body_bytes: point_bytes * mesh.whole().points,
             solver: match (choice, case.newton.solver) {
                 (Some(choice), _) => choice.to_string(),
                 (None, Some(solver)) => solver.to_string(),

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use thiserror::Error;
 
 use super::Simulation;
+use super::memory::MemoryForecast;
 use super::problem_size::ProblemSize;
 use crate::app::case::{Case, ElementSelection, RegionMaterial};
 use crate::app::checkpoint::hash_of_mesh;
@@ -169,17 +170,19 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
         self.free_mode_supports.iter().copied()
     }
 
-    /// Returns the size of the problem.
+    /// Returns the size of the problem, and the memory that a run on the threads of this process takes.
     ///
     /// # Errors
     /// Returns [`SimulationError`] if the linear system would be too large.
-    pub fn problem_size(&self) -> Result<ProblemSize, SimulationError<B::Error>> {
+    pub fn problem_size(&self) -> Result<(ProblemSize, MemoryForecast), SimulationError<B::Error>> {
         let (order, params) = (self.field.node_order(&self.mesh), macro_scale::step_params(&self.case));
         let boundary = macro_scale::boundary(&self.case, &self.mesh, &self.conditions)?;
         let constraints = self.conditions.constraints.len();
         let system = LinearSystem::new::<B>(&order, &self.mesh, &boundary, constraints, &params);
-        let choice = system.map_err(|error| Box::new(SetupError::from(error)))?.choice;
-        Ok(ProblemSize::new(&self.case, &self.mesh, &self.field, self.unknowns, choice.as_ref()))
+        let system = system.map_err(|error| Box::new(SetupError::from(error)))?;
+        let size = ProblemSize::new(&self.case, &self.mesh, &self.field, self.unknowns, system.choice.as_ref());
+        let memory = MemoryForecast::new(&self.field, &self.mesh, &system, size.threads);
+        Ok((size, memory))
     }
 
     /// Returns the ranges of the material parameters and axes that vary over the body.

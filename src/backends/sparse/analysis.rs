@@ -110,6 +110,12 @@ impl Symbolic {
         self.blocks.as_ref().map(SymbolicBlockCholesky::entries).or_else(of_cholesky)
     }
 
+    /// Returns the number of values that a Cholesky or LDL^T factorization stores, with the padding of blocks; `None` as in
+    /// [`Symbolic::factor_entries`].
+    pub(super) fn stored_values(&self) -> Option<usize> {
+        self.blocks.as_ref().map(SymbolicBlockCholesky::stored_values).or_else(|| self.factor_entries())
+    }
+
     /// Returns the unknown that Cholesky eliminates at each position; empty if the matrices are declared unsymmetric or
     /// the method is iterative.
     pub fn order(&self) -> &[u32] {

@@ -94,4 +94,8 @@ impl<T: SparseScalar> Backend for Sparse<T> {
     fn solver(symbolic: &Arc<Symbolic>) -> Result<Solver<T>, Failure> {
         T::solver(symbolic)
     }
+
+    fn factor_bytes(symbolic: &Symbolic) -> usize {
+        symbolic.stored_values().unwrap_or(0) * size_of::<T>()
+    }
 }

@@ -29,7 +29,8 @@ pub(crate) fn make_upright(element_type: ElementType, nodes: &mut Vec<u32>, posi
     is_reversed
 }
 
-/// Returns the warning of elements that were reversed.
+/// Returns the warning of elements that were reversed, for the readers of meshes.
+#[cfg(feature = "app")]
 pub(crate) fn reversed_warning(count: usize) -> Option<String> {
     match count {
         0 => None,

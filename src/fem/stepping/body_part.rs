@@ -59,7 +59,7 @@ impl BodyPart {
             Constraints::new(mesh, &geometry, &conditions.constraints, &fixed)?.on_part(&of_part)
         };
         rigid_modes::check(mesh, &boundary.restraints(mesh), boundary.kinematics().rigid_surfaces())?;
-        let LinearSystem { unknowns: of_body, pattern, solver, choice, has_costly_factorization } =
+        let LinearSystem { unknowns: of_body, pattern, solver, choice, has_costly_factorization, .. } =
             LinearSystem::new::<B>(&order, mesh, boundary, constraints.len(), params)?;
         drop(pattern);
         let (unknowns, rows) = of_body.on_part(division, part, own_boundary.kinematics());

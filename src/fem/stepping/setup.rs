@@ -51,7 +51,7 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
         rigid_modes::check(&mesh, &boundary.restraints(&mesh), boundary.kinematics().rigid_surfaces())?;
         let fixed = boundary.fixed_components(mesh.nodes().len());
         let constraints = Constraints::new(&mesh, &geometry, &conditions.constraints, &fixed)?;
-        let LinearSystem { unknowns, pattern, solver, choice, has_costly_factorization } =
+        let LinearSystem { unknowns, pattern, solver, choice, has_costly_factorization, .. } =
             LinearSystem::new::<B>(order, &mesh, &boundary, constraints.len(), &params)?;
         let pattern = Arc::new(pattern.expanded()?);
         let symbolic = B::analyze(context, &pattern, &solver)?;

@@ -17,6 +17,8 @@ pub struct LinearSystem {
     pub solver: SolverParams,
     /// The choice of the solver, if it was chosen by the size of the system.
     pub choice: Option<SolverChoice>,
+    /// Estimated number of floating-point operations of a direct factorization.
+    pub operations: f64,
     /// Whether a factorization takes so long that the first iteration of a step should use that of its linearized start.
     pub has_costly_factorization: bool,
 }
@@ -54,7 +56,8 @@ impl LinearSystem {
             Some(solver) => (SolverParams { symmetry, ..solver }, None),
             None => (by_size.params(symmetry), Some(by_size)),
         };
-        let has_costly_factorization = solver.method == Method::Direct && by_size.operations > COSTLY;
-        Ok(Self { unknowns, pattern, solver, choice, has_costly_factorization })
+        let operations = by_size.operations;
+        let has_costly_factorization = solver.method == Method::Direct && operations > COSTLY;
+        Ok(Self { unknowns, pattern, solver, choice, operations, has_costly_factorization })
     }
 }

@@ -161,6 +161,13 @@ impl<B: RealBackend> Library<B> {
         self.batch_solvers[model].is_some()
     }
 
+    /// Bytes of memory in which each thread solves batches.
+    pub fn batch_bytes_per_thread(&self) -> usize {
+        let locked = (0..self.models.len()).filter_map(|model| self.batch_solver(model));
+        // The batches of all models share the memory of a thread.
+        locked.map(|solver| solver.bytes_per_thread()).max().unwrap_or(0)
+    }
+
     /// Whether RVEs keep the sensitivities that predict the start of the next solve.
     pub fn predicts(&self) -> bool {
         self.predict

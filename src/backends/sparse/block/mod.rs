@@ -144,6 +144,11 @@ impl SymbolicBlockCholesky {
         self.panel_start.last().copied().unwrap_or(0)
     }
 
+    /// Returns the number of values in all panels, with their padding.
+    pub(super) fn stored_values(&self) -> usize {
+        simd::QUAD_LEN * self.columns()
+    }
+
     /// Returns the number of values in the factor, including the explicit zeros of the supernodes but not the padding.
     pub(super) fn entries(&self) -> usize {
         let entries = |s: usize| {

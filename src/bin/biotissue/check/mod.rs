@@ -9,7 +9,7 @@ use std::path::PathBuf;
 
 use biotissue::app::case::Case;
 use biotissue::app::material_fields::FieldRange;
-use biotissue::app::run::{Forecast, NetworkSize, ProblemSize};
+use biotissue::app::run::{Forecast, MemoryForecast, NetworkSize, ProblemSize};
 use biotissue::fem::constraint::{ConstrainedVolume, ConstraintMethod, VolumeConstraint};
 
 use clap::Args;
@@ -79,8 +79,8 @@ struct Plan {
     mesh: MeshPlan,
     unknowns: usize,
     rves: usize,
-    rve_bytes: usize,
-    body_bytes: usize,
+    /// In one process, bytes.
+    memory: MemoryForecast,
     networks: Vec<NetworkSize>,
     /// The networks of regions without a matrix that have motions which no fiber resists.
     floppy_networks: Vec<String>,
@@ -116,22 +116,10 @@ impl Job for CheckJob {
 
     fn run<B: ProgramBackend>(self, context: B::Context) -> Result<Plan, Failure> {
         let setup = setup::<B>(context, self.case)?;
-        let size = setup.problem_size().map_err(|error| not_set_up(&CaseHints::of(setup.case()), error))?;
+        let (size, memory) = setup.problem_size().map_err(|error| not_set_up(&CaseHints::of(setup.case()), error))?;
         let floppy = setup.floppy_networks();
         output::warn(&floppy.warnings);
-        let ProblemSize {
-            elements,
-            nodes,
-            unknowns,
-            rves,
-            networks,
-            rve_bytes,
-            body_bytes,
-            solver,
-            steps,
-            threads,
-            ..
-        } = size;
+        let ProblemSize { elements, nodes, unknowns, rves, networks, solver, steps, threads, .. } = size;
         let (conditions, free_surfaces) = conditions(setup.case(), setup.mesh(), setup.load_sizes());
         let mesh = MeshPlan::new(setup.mesh());
         let is_listed = |surface: &str| setup.case().boundaries.iter().any(|boundary| boundary.surface == surface);
@@ -148,8 +136,7 @@ impl Job for CheckJob {
             mesh,
             unknowns,
             rves,
-            rve_bytes,
-            body_bytes,
+            memory,
             solver,
             networks,
             floppy_networks: floppy.names,
@@ -234,11 +221,16 @@ impl Plan {
         lines.extend(self.constraints.iter().map(|constraint| format!("constraint {constraint}")));
         lines.push(format!("solver     {}", self.solver));
         lines.push(format!("steps      {}", self.steps));
-        let megabytes = |bytes: usize| bytes as f64 * 1e-6;
+        let memory = &self.memory;
+        let megabytes = |bytes: usize| format!("{:.0}", (bytes as f64 * 1e-6).ceil());
         lines.push(format!(
-            "memory     {:.1} MB of RVE states, {:.1} MB of stresses and tangents, and the factors of the stiffness",
-            megabytes(self.rve_bytes),
-            megabytes(self.body_bytes)
+            "memory     {} MB in one process: {} MB of RVE states, {} MB of networks, {} MB of stresses and tangents, {} MB of \
+             the linear system",
+            megabytes(memory.total),
+            megabytes(memory.rves),
+            megabytes(memory.networks),
+            megabytes(memory.points),
+            megabytes(memory.system)
         ));
         let plural = if self.threads == 1 { "" } else { "s" };
         lines.push(format!("ranks      {}, with {} thread{plural}", self.ranks, self.threads));

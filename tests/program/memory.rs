@@ -1,0 +1,54 @@
+//! The forecast of memory by `biotissue check`, against the peak of runs.
+
+use std::ffi::OsStr;
+use std::path::Path;
+use std::process::Command;
+
+use crate::run::write_case;
+use crate::skip::skip;
+use crate::{line, program};
+
+/// Runs a command and prints the largest memory that it had, in bytes.
+const PEAK: &str = "import resource, subprocess, sys\n\
+                    subprocess.run(sys.argv[1:], check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)\n\
+                    print(1024 * resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)";
+
+/// Returns the peak of a run of `case.toml` on two threads, and its forecast; `None` without Python.
+fn peak_and_forecast(folder: &Path, case: &str) -> Option<[f64; 2]> {
+    write_case(folder, "case.toml", case);
+    let run = ["run", "case.toml", "--threads", "2", "--out", "out"].map(OsStr::new);
+    let command = program(folder);
+    let mut python = Command::new("python3");
+    let output = python.args(["-c", PEAK]).arg(command.get_program()).args(run).current_dir(folder).output().ok()?;
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let peak = String::from_utf8(output.stdout).unwrap().trim().parse().unwrap();
+    let plan = line(folder, "check case.toml --json --threads 2").object();
+    Some([peak, plan["memory"]["total"].as_f64().unwrap()])
+}
+
+fn body(cells: usize, material: &str, end: &str) -> String {
+    format!(
+        "[mesh]\ngenerate = {{ shape = \"box\", cells = [{cells}, {cells}, {cells}], size = [1.0, 1.0, 1.0] }}\n\
+         [[region]]\nname = \"*\"\n[region.material]\n{material}\n\
+         [[boundary]]\nsurface = \"x0\"\ndisplacement = {{ x = 0.0, y = 0.0, z = 0.0 }}\n\
+         [[boundary]]\nsurface = \"x1\"\ndisplacement = {{ x = 0.02, y = 0.0, z = 0.0 }}\n\
+         [steps]\ncount = 1\n[output]\nevery = 0\n{end}"
+    )
+}
+
+#[test]
+fn the_forecast_of_memory_is_within_a_fifth() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    line(folder, "network generate --points 300 --count 4 --directory networks").done();
+    let formula = "model = \"neo-hookean\"\nyoungs_modulus = 1.0e6\npoisson_ratio = 0.3";
+    let fibers = "model = \"fiber-rve\"\nnetworks = [\"networks/*.txt\"]\nfiber_volume_fraction = 0.003\n\
+                  law = { name = \"linear\", youngs_modulus = 1.0e8, radius = 5.0e-8 }";
+    for (case, what) in [(body(20, formula, ""), "multigrid"), (body(4, fibers, ""), "networks")] {
+        let Some([peak, forecast]) = peak_and_forecast(folder, &case) else {
+            return skip("needs python3");
+        };
+        println!("{what}: {:.1} MB, forecast {:.1} MB", 1e-6 * peak, 1e-6 * forecast);
+        assert!((forecast - peak).abs() <= 0.2 * peak, "{what}: {peak:e} bytes, forecast {forecast:e}");
+    }
+}
