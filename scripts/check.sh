@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Runs every check that scripts/test.sh does not: format, lints and documentation on sets of features, tests of single
-# backends, C and Fortran programs and PETSc under valgrind, the overhead of the abstraction, and MPI by MPICH.
+# backends and of the Python package, C and Fortran programs and PETSc under valgrind, the overhead of the abstraction, and
+# MPI by MPICH.
 #
 # Needs what scripts/test.sh needs, and installs it in the same way.
 set -euo pipefail
@@ -58,6 +59,8 @@ for ranks in 1 2; do
     mpirun --oversubscribe -n "$ranks" target/debug/examples/many_matrices
 done
 
+say "tests: Python package"
+bash scripts/python.sh
 say "tests: C and Fortran, under valgrind"
 bash scripts/capi.sh
 say "tests: PETSc without the checks of debug builds, and under valgrind"
