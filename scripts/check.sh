@@ -53,7 +53,10 @@ for features in "dense" "petsc"; do
 done
 say "tests: packages that use the library, and examples"
 cargo test --quiet --package custom-law --package custom-material --package downstream --package micro-scaling --package reactions --features downstream/petsc
-cargo run --quiet --example deposition
+# With the packages of both, cargo chooses the same features of all dependencies as for the Python package alone: one build
+# of the library serves the example and that package.
+cargo build --quiet --package biotissue --package biotissue-python --example deposition
+target/debug/examples/deposition
 cargo build --quiet --features petsc --example many_matrices
 for ranks in 1 2; do
     mpirun --oversubscribe -n "$ranks" target/debug/examples/many_matrices

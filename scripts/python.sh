@@ -13,12 +13,11 @@ if ! "$environment/bin/python3" -c 'import maturin, mypy, numpy, pytest, scipy' 
     "$environment/bin/pip" install --quiet --disable-pip-version-check 'maturin>=1.9.4,<2' mypy numpy pytest scipy
 fi
 
-# The profile `dev` shares the dependencies with other tests. The library itself is optimized less than in other tests: it
-# compiles in a third of the time, and the tests in Python solve small systems. Its assertions remain on.
-profile=(--config profile.dev.package.biotissue.opt-level=1 --config profile.dev.package.biotissue.codegen-units=16)
+# The profile `dev`, with the default features of the library: check.sh has built that library before, for an example. The
+# assertions of the library are on. (`pip install ./python` builds a release.)
 wheels="$PWD/target/wheels"
 rm -rf "$wheels"
 "$environment/bin/maturin" build --quiet --locked --manifest-path python/Cargo.toml --interpreter "$environment/bin/python3" \
-    --compatibility linux --out "$wheels" "${profile[@]}"
+    --compatibility linux --out "$wheels"
 "$environment/bin/pip" install --quiet --disable-pip-version-check --force-reinstall --no-deps "$wheels"/biotissue-*.whl
 "$environment/bin/pytest" --quiet -p no:cacheprovider "$@" python/tests
