@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Runs every check that scripts/test.sh does not: format, lints and documentation on sets of features, tests of single
-# backends, C and Fortran programs and PETSc under valgrind, the overhead of the abstraction, and MPI by MPICH.
+# backends and of the Python package, C and Fortran programs and PETSc under valgrind, the overhead of the abstraction, and
+# MPI by MPICH.
 #
 # Needs what scripts/test.sh needs, and installs it in the same way.
 set -euo pipefail
@@ -52,12 +53,17 @@ for features in "dense" "petsc"; do
 done
 say "tests: packages that use the library, and examples"
 cargo test --quiet --package custom-law --package custom-material --package downstream --package micro-scaling --package reactions --features downstream/petsc
-cargo run --quiet --example deposition
+# With the packages of both, cargo chooses the same features of all dependencies as for the Python package alone: one build
+# of the library serves the example and that package.
+cargo build --quiet --package biotissue --package biotissue-python --example deposition
+target/debug/examples/deposition
 cargo build --quiet --features petsc --example many_matrices
 for ranks in 1 2; do
     mpirun --oversubscribe -n "$ranks" target/debug/examples/many_matrices
 done
 
+say "tests: Python package"
+bash scripts/python.sh
 say "tests: C and Fortran, under valgrind"
 bash scripts/capi.sh
 say "tests: PETSc without the checks of debug builds, and under valgrind"

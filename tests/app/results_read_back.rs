@@ -374,6 +374,15 @@ fn loads_with_unusual_names_are_read_back_exactly() {
         let read = Loads::read(&path).unwrap();
         assert_eq!((read.rows.len(), &read.names, &read.rows[k]), (k + 1, &names, &row));
     }
+    let mut reader = csv::Reader::from_path(&path).unwrap();
+    let header: Vec<String> = reader.headers().unwrap().iter().skip(1).map(str::to_owned).collect();
+    let records: Vec<csv::StringRecord> = reader.records().map(Result::unwrap).collect();
+    let columns = Loads::read(&path).unwrap().columns();
+    assert_eq!(columns.iter().map(|(name, _)| name.clone()).collect::<Vec<_>>(), header);
+    for (k, (name, values)) in columns.iter().enumerate() {
+        let written: Vec<f64> = records.iter().map(|record| record[k + 1].parse().unwrap()).collect();
+        assert_eq!(values, &written, "{name}");
+    }
     let wrong = writer.row(&LoadRow { surfaces: vec![SurfaceRow::default()], ..LoadRow::default() }).unwrap_err();
     assert!(matches!(wrong, ResultsError::Length { found: 1, expected: 2, .. }));
 }

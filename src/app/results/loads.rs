@@ -212,19 +212,23 @@ impl LoadsWriter {
 }
 
 impl LoadRow {
-    fn fields(&self) -> Vec<String> {
+    /// Returns the numbers of all columns after the first.
+    fn numbers(&self) -> impl Iterator<Item = f64> {
         let of_surface = |row: &SurfaceRow| {
             let ([fx, fy, fz], [ux, uy, uz]) = (row.force, row.displacement);
             [row.area, fx, fy, fz, ux, uy, uz]
         };
         let of_rigid = |row: &RigidRow| [row.moment, row.rotation, row.displacement].into_iter().flatten();
-        let numbers = std::iter::once(self.t)
+        std::iter::once(self.t)
             .chain(self.surfaces.iter().flat_map(of_surface))
             .chain(self.points.as_flattened().iter().copied())
             .chain(self.rigid.iter().flat_map(of_rigid))
             .chain(self.volumes.iter().copied())
-            .chain(self.pressures.iter().copied());
-        std::iter::once(self.step.to_string()).chain(numbers.map(|number| format!("{number:.16e}"))).collect()
+            .chain(self.pressures.iter().copied())
+    }
+
+    fn fields(&self) -> Vec<String> {
+        std::iter::once(self.step.to_string()).chain(self.numbers().map(|number| format!("{number:.16e}"))).collect()
     }
 }
 
@@ -236,6 +240,18 @@ fn line(path: &Path, fields: Vec<String>) -> Result<Vec<u8>, ResultsError> {
 }
 
 impl Loads {
+    /// Returns the columns after `step`, each with its name and the values of all rows, in the order of the file.
+    pub fn columns(&self) -> Vec<(String, Vec<f64>)> {
+        let names = self.names.header().into_iter().skip(1);
+        let mut columns: Vec<(String, Vec<f64>)> = names.map(|name| (name, Vec::new())).collect();
+        for row in &self.rows {
+            for ((_, values), number) in columns.iter_mut().zip(row.numbers()) {
+                values.push(number);
+            }
+        }
+        columns
+    }
+
     /// Reads a table. An unfinished last row is ignored.
     ///
     /// # Errors
