@@ -39,7 +39,8 @@ fn declare_signed(bytes: &mut Vec<u8>, array: &str) {
 /// Reads the data set in a file; `expected` describes it in errors.
 pub(super) fn read(path: &Path, expected: &'static str) -> Result<DataSet, ResultsError> {
     let text = std::fs::read(path).map_err(ResultsError::read(path))?;
-    let text = decompress(text).map_err(|what| ResultsError::damaged(path, None, what, expected))?;
+    let text =
+        decompress(text).map_err(|what| ResultsError::damaged(path, None, format!("an array {what}"), expected))?;
     check_arrays(path, &text)?;
     let vtk = Vtk::parse_xml(text.as_slice());
     vtk.map(|vtk| vtk.data).map_err(|error| ResultsError::damaged(path, None, error.to_string(), expected))

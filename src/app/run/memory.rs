@@ -24,7 +24,7 @@ pub struct MemoryForecast {
     pub total: usize,
 }
 
-/// Bytes of the program before it reads a case.
+/// Bytes of the program with the default features before it reads a case, and what the allocator holds for small arrays.
 const PROGRAM: usize = 12_000_000;
 
 /// Bytes for each unknown of the body: mesh, unknowns, positions of entries, vectors and matrix; with multigrid also its levels.
