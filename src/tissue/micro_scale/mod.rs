@@ -5,7 +5,7 @@
 //! |---|---|
 //! | `library` | the data that all RVEs share: the materials and their networks, each read once |
 //! | `unit`, `worker` | one RVE; the scratch memory of one thread |
-//! | `units` | the RVEs of one rank, solved on its threads |
+//! | `units`, `sweep` | the RVEs of one rank; their solution on its threads |
 //! | `batches` | the RVEs that another processor solves, all of one model at once |
 //! | `sites` | the material of each point: a formula, an RVE, or the substitute of an RVE that is not awake |
 //! | `activity` | what the threads are doing, for a report of progress |
@@ -32,6 +32,7 @@ mod sampled;
 mod saved;
 mod sites;
 mod summary;
+mod sweep;
 mod unit;
 mod units;
 mod worker;

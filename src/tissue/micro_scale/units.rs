@@ -1,28 +1,24 @@
-//! The RVEs of one rank, solved on all of its threads.
+//! The RVEs of one rank: their states, costs and counters.
 
 use std::collections::{HashMap, HashSet};
 use std::path::Path;
-use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use nalgebra::Matrix3;
 use rayon::prelude::*;
 
 use super::activity::Activity;
-use super::batches::Done;
 use super::costs::{KeptCosts, RveCost};
-use super::error::PointFailure;
 use super::library::{Library, PointNetwork};
 use super::pieces::{self, Piece};
 use super::saved::{FieldRestoreError, UnitState};
-use super::unit::{Origin, RveStats, Unit, UnitError};
+use super::unit::{Origin, RveStats, Unit};
 use super::worker::Worker;
 use crate::coupling::balance::{Cost, CostHistory};
 use crate::fem::material::Response;
 use crate::fem::mesh::IntegrationPoint;
 use crate::fiber::rve::{Rve, StressScale};
 use crate::las::{Backend, RealBackend};
-use crate::parallel;
 use crate::tissue::materials::Formula;
 use crate::tissue::replay::RveDump;
 
@@ -36,15 +32,15 @@ pub(in crate::tissue) struct Units<B: Backend> {
     /// The point of every unit.
     pub(super) points: Vec<usize>,
     /// What every unit cost in the last sweep over all units, and before.
-    costs: Vec<Cost>,
-    histories: Vec<CostHistory>,
+    pub(super) costs: Vec<Cost>,
+    pub(super) histories: Vec<CostHistory>,
     /// The costs of every sweep, if they are part of the output.
     kept_costs: Option<KeptCosts>,
-    workers: Vec<Mutex<Worker<B>>>,
+    pub(super) workers: Vec<Mutex<Worker<B>>>,
     /// Behind a lock, because observers of a run have only shared access to the units.
-    stats: Mutex<RveStats>,
+    pub(super) stats: Mutex<RveStats>,
     /// The last RVE that found no equilibrium.
-    failed_rve: Mutex<Option<FailedRve>>,
+    pub(super) failed_rve: Mutex<Option<FailedRve>>,
     /// What the threads are doing.
     pub(super) activity: Arc<Activity>,
 }
@@ -156,7 +152,7 @@ impl<B: RealBackend> Units<B> {
         self.kept_costs.as_ref().map(KeptCosts::take).unwrap_or_default()
     }
 
-    fn keep_sweep(&mut self, lowest_failed: usize) {
+    pub(super) fn keep_sweep(&mut self, lowest_failed: usize) {
         let Some(kept) = &mut self.kept_costs else { return };
         let costs = self.points.iter().zip(&self.units).zip(&self.costs);
         let counted = costs.filter(|((point, _), _)| **point <= lowest_failed);
@@ -239,143 +235,6 @@ impl<B: RealBackend> Units<B> {
     /// Returns the RVE that made the last solve fail; a second call returns `None`.
     pub fn take_failed_rve(&self) -> Option<FailedRve> {
         self.failed_rve.lock().unwrap_or_else(PoisonError::into_inner).take()
-    }
-
-    /// Brings the RVEs to equilibrium, each at the deformation gradient that `gradient` returns for its index and its
-    /// point; an RVE without a gradient is not changed.
-    ///
-    /// # Errors
-    /// Returns the failure of the lowest point that has one. Points above it are skipped if the failure is known in
-    /// time, and all RVEs are reverted to the last [`Units::commit`], so that nothing depends on which of them were
-    /// solved.
-    pub fn solve(
-        &mut self,
-        gradient: impl Fn(usize, usize) -> Option<Matrix3<f64>> + Sync,
-    ) -> Result<(), PointFailure> {
-        let activity = Arc::clone(&self.activity);
-        let _evaluation = activity.evaluate(self.units.len());
-        let done = self.solve_batches(&gradient).inspect_err(|_| self.revert())?;
-        let solved = self.for_each_unit(gradient, done, |unit, gradient, library, worker, stats| {
-            unit.respond(gradient, library, worker, stats).map(|_| false)
-        });
-        solved.map(drop)
-    }
-
-    /// Verifies that the equilibria of the last [`Units::solve`], at the same gradients, continue the last committed
-    /// ones, whatever the trial states in between, and replaces those that do not. Returns the indices of the replaced
-    /// RVEs, ascending.
-    ///
-    /// # Errors
-    /// As for [`Units::solve`].
-    pub fn verify(
-        &mut self,
-        gradient: impl Fn(usize, usize) -> Option<Matrix3<f64>> + Sync,
-    ) -> Result<Vec<usize>, PointFailure> {
-        let activity = Arc::clone(&self.activity);
-        let _evaluation = activity.evaluate(self.units.len());
-        let done = self.verify_batches(&gradient).inspect_err(|_| self.revert())?;
-        self.for_each_unit(gradient, done, Unit::verify)
-    }
-
-    /// Applies `action` to every unit that has a gradient and is not in `done`, on all threads; returns the indices of the
-    /// units for which it returned true, ascending.
-    fn for_each_unit(
-        &mut self,
-        gradient: impl Fn(usize, usize) -> Option<Matrix3<f64>> + Sync,
-        done: Done,
-        action: impl Fn(
-            &mut Unit,
-            &Matrix3<f64>,
-            &Library<B>,
-            &mut Worker<B>,
-            &mut RveStats,
-        ) -> Result<bool, UnitError<B::Error>>
-        + Sync,
-    ) -> Result<Vec<usize>, PointFailure> {
-        let order = self.longest_first();
-        let Self { library, units, points, costs, workers, activity, .. } = self;
-        activity.restart(done.iter().flatten().count());
-        let (library, points) = (&*library, &*points);
-        costs.fill(Cost::default());
-        let mut waiting: Vec<Option<&mut Unit>> = units.iter_mut().map(Some).collect();
-        let in_order = order.iter().filter_map(|&number| Some((number, waiting[number].take()?))).collect();
-        let lowest = AtomicUsize::new(usize::MAX);
-        let outcomes = parallel::take_in_turn(in_order, |(number, unit): (usize, &mut Unit)| {
-            let (mut stats, point) = (RveStats::default(), points[number]);
-            if let Some((stats, increment)) = done[number] {
-                return (stats, increment, Ok(false));
-            }
-            // One failure is enough: an RVE without an equilibrium takes long to fail.
-            if point > lowest.load(Ordering::Relaxed) {
-                return (stats, 0.0, Ok(false));
-            }
-            let Some(gradient) = gradient(number, point) else {
-                activity.skip(1);
-                return (stats, 0.0, Ok(false));
-            };
-            let increment = unit.response.map_or(0.0, |(last, _)| (gradient - last).norm());
-            let slot = rayon::current_thread_index().unwrap_or(0) % workers.len();
-            // A worker is scratch memory: data left by a panicking thread is overwritten.
-            let mut worker = workers[slot].lock().unwrap_or_else(PoisonError::into_inner);
-            let _solution = activity.solve(unit.location, worker.stage());
-            // This thread must not start another RVE, which needs the same worker, before this one is done.
-            let outcome = parallel::alone(|| action(unit, &gradient, library, &mut worker, &mut stats));
-            let outcome = outcome.map_err(|reason| {
-                lowest.fetch_min(point, Ordering::Relaxed);
-                (gradient, reason)
-            });
-            (stats, increment, outcome)
-        });
-        let mut outcomes: Vec<_> = order.into_iter().zip(outcomes).collect();
-        outcomes.sort_unstable_by_key(|&(number, _)| number);
-        let (lowest, mut sum) = (lowest.into_inner(), RveStats::default());
-        let (mut chosen, mut failed) = (Vec::new(), None);
-        // Points above the failed one may or may not have been solved and are not counted.
-        for (number, (stats, increment, outcome)) in
-            outcomes.into_iter().filter(|(number, _)| points[*number] <= lowest)
-        {
-            sum = sum.merge(stats);
-            costs[number] = stats.cost(increment);
-            match outcome {
-                Ok(true) => chosen.push(number),
-                Ok(false) => {}
-                Err((gradient, reason)) if points[number] == lowest => failed = Some((number, gradient, reason)),
-                Err(_) => {}
-            }
-        }
-        let all = self.stats.get_mut().unwrap_or_else(PoisonError::into_inner);
-        *all = all.merge(sum);
-        self.keep_sweep(lowest);
-        let Some((number, gradient, reason)) = failed else { return Ok(chosen) };
-        // Those that were skipped would seem to cost nothing.
-        self.costs.iter_mut().zip(&self.histories).for_each(|(cost, history)| *cost = history.last());
-        let failure = self.failure(number, &gradient, &reason);
-        self.revert();
-        Err(failure)
-    }
-
-    /// Returns the order in which the threads take the RVEs: the longest first, as measured before, so that no thread
-    /// starts a long one when the others are done. A new RVE comes before all others.
-    fn longest_first(&self) -> Vec<usize> {
-        let mut order: Vec<usize> = (0..self.units.len()).collect();
-        if parallel::threads() > 1 {
-            let of_new =
-                |history: &CostHistory| if history.sweeps == 0 { f64::INFINITY } else { history.smooth_seconds };
-            let expected: Vec<f64> = self.histories.iter().map(of_new).collect();
-            order.sort_by(|&a, &b| expected[b].total_cmp(&expected[a]));
-        }
-        order
-    }
-
-    fn failure(&mut self, number: usize, gradient: &Matrix3<f64>, reason: &UnitError<B::Error>) -> PointFailure {
-        let (unit, library) = (&self.units[number], &self.library);
-        let fibers = unit.fibers.as_ref();
-        let network = fibers.map(|f| library.models[f.model].network().name().to_owned());
-        if let (UnitError::Rve(_), Some(fibers)) = (reason, fibers) {
-            *self.failed_rve.get_mut().unwrap_or_else(PoisonError::into_inner) =
-                Some(FailedRve::new(library, (unit.location, fibers.network()), &fibers.current, gradient));
-        }
-        PointFailure::of_unit(unit.location, network, reason)
     }
 
     /// Makes the current equilibria the start of the next load step.

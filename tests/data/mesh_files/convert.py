@@ -50,7 +50,10 @@ gmsh.initialize()
 gmsh.option.setNumber("General.Terminal", 0)
 for name in ("ring_tet10", "ring_hex8", "ring_wedge6", "two_cubes"):
     gmsh.open(str(here / f"../gmsh/{name}_4.1_text.msh"))
-    gmsh.write(str(here / f"{name}.inp"))
+    abaqus = here / f"{name}.inp"
+    gmsh.write(str(abaqus))
+    # Gmsh writes the whole path into the heading.
+    abaqus.write_text(abaqus.read_text().replace(str(abaqus), abaqus.name))
     gmsh.write(str(here / f"{name}.mesh"))
     write_feb(here / f"{name}.feb")
     gmsh.clear()
