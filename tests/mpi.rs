@@ -39,6 +39,7 @@ const CHECKS: &[Check] = &[
     ("sums", ranks::sums_are_in_the_order_of_the_ranks),
     ("time_out_of_receive", ranks::a_time_out_of_receive_names_the_sender),
     ("time_out_of_gather", ranks::a_time_out_of_gather_names_the_missing_rank),
+    ("late_messages", ranks::messages_of_abandoned_receives_do_not_arrive_elsewhere),
     ("no_such_rank", ranks::ranks_that_do_not_exist_are_errors),
     ("scales", scales::each_rank_belongs_to_one_scale_and_finds_the_others),
     ("mains", scales::each_scale_runs_its_own_main),

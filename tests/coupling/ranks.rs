@@ -52,6 +52,11 @@ fn a_time_out_of_gather_names_the_missing_rank() {
 }
 
 #[test]
+fn messages_of_abandoned_receives_do_not_arrive_elsewhere() {
+    on_all(ranks::messages_of_abandoned_receives_do_not_arrive_elsewhere);
+}
+
+#[test]
 fn ranks_that_do_not_exist_are_errors() {
     on_all(ranks::ranks_that_do_not_exist_are_errors);
 }

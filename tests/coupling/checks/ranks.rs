@@ -136,6 +136,25 @@ pub fn a_time_out_of_gather_names_the_missing_rank<C: Comm>(comm: &C) -> Outcome
     Ok(())
 }
 
+/// A message whose receive was given up does not arrive on a later communicator.
+pub fn messages_of_abandoned_receives_do_not_arrive_elsewhere<C: Comm>(comm: &C) -> Outcome {
+    let (from, to) = neighbors(comm);
+    for round in 0..3_u64 {
+        let former = comm.duplicate(None)?;
+        drop(former.start_receive(from, TAG, 8, Message::new())?);
+        comm.barrier()?;
+        former.send(to, TAG, Message::of(&[u64::MAX]))?;
+        drop(former);
+        comm.barrier()?;
+        let next = comm.duplicate(None)?;
+        let sending = next.start_send(to, TAG, Message::of(&[round]))?;
+        assert_eq!(next.receive(from, TAG)?.values(), Some(&[round][..]));
+        sending.wait()?;
+        comm.barrier()?;
+    }
+    Ok(())
+}
+
 pub fn ranks_that_do_not_exist_are_errors<C: Comm>(comm: &C) -> Outcome {
     let (rank, size) = (comm.size(), comm.size());
     assert_eq!(comm.send(rank, TAG, Message::new()), Err(CommError::Rank { rank, size }));

@@ -11,6 +11,7 @@ use std::mem::{ManuallyDrop, MaybeUninit};
 use std::ops::Range;
 use std::panic;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Duration;
 
@@ -32,13 +33,23 @@ pub struct MpiComm {
     has_time_out: bool,
 }
 
-/// A duplicated communicator, freed with the last `MpiComm` that holds it.
+/// A duplicated communicator, freed with the last `MpiComm` or pending receive that holds it.
 struct Group {
     /// Freed in `drop` only, not by its own destructor.
     comm: ManuallyDrop<SimpleCommunicator>,
     raw: ffi::MPI_Comm,
     rank: usize,
     size: usize,
+    /// Whether this rank gave up a receive, so that its message may still arrive.
+    has_late_messages: AtomicBool,
+}
+
+impl Group {
+    /// Keeps MPI from giving the number of this communicator to another one, on which a receive would accept a message
+    /// that arrives late for this one.
+    fn keep(&self) {
+        self.has_late_messages.store(true, Ordering::Relaxed);
+    }
 }
 
 // SAFETY: a communicator is not bound to a thread, and `MpiComm::new` creates none unless MPI allows concurrent calls
@@ -50,7 +61,7 @@ unsafe impl Sync for Group {}
 impl Drop for Group {
     fn drop(&mut self) {
         // MPI must not free communicators after it is finalized, or while it is about to be aborted.
-        if !is_over() && !thread::panicking() {
+        if !is_over() && !thread::panicking() && !self.has_late_messages.load(Ordering::Relaxed) {
             // SAFETY: a communicator that was duplicated or split for this group alone, and is freed once.
             unsafe { ffi::MPI_Comm_free(&raw mut self.raw) };
         }
@@ -67,7 +78,13 @@ fn is_over() -> bool {
 
 impl fmt::Debug for MpiComm {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "MpiComm {{ rank {} of {} }}", self.group.rank, self.group.size)
+        write!(f, "MpiComm {{ {:?} }}", self.group)
+    }
+}
+
+impl fmt::Debug for Group {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "rank {} of {}", self.rank, self.size)
     }
 }
 
@@ -151,7 +168,8 @@ impl MpiComm {
     /// Creates an [`MpiComm`] without a time-out.
     fn of(comm: SimpleCommunicator) -> Self {
         let (raw, rank, size) = (comm.as_raw(), comm.rank() as usize, comm.size() as usize);
-        let group = Arc::new(Group { comm: ManuallyDrop::new(comm), raw, rank, size });
+        let (comm, has_late_messages) = (ManuallyDrop::new(comm), AtomicBool::new(false));
+        let group = Arc::new(Group { comm, raw, rank, size, has_late_messages });
         Self { group, time_out: None, has_time_out: false }
     }
 
@@ -192,7 +210,12 @@ impl MpiComm {
 
     /// Waits for a message and returns its handle and its length in bytes (matched probe).
     fn matched(&self, from: i32, tag: Tag) -> Result<(ffi::MPI_Message, usize), CommError> {
-        poll(from, self.time_out, || self.matched_probe(from, tag))
+        self.poll(from, || self.matched_probe(from, tag))
+    }
+
+    /// Polls for a message, for no longer than the time-out.
+    fn poll<T>(&self, from: i32, find: impl FnMut() -> Result<Option<T>, CommError>) -> Result<T, CommError> {
+        poll(from, self.time_out, find).inspect_err(|_| self.group.keep())
     }
 
     /// Starts to send bytes in parts. A part of full length indicates that another part follows, which may be empty.
@@ -277,7 +300,7 @@ impl Comm for MpiComm {
     }
 
     fn wait_for(&self, from: usize, tag: Tag) -> Result<(), CommError> {
-        poll(self.known(from)?, self.time_out, || Ok(self.probe(from, tag)?.then_some(())))
+        self.poll(self.known(from)?, || Ok(self.probe(from, tag)?.then_some(())))
     }
 
     fn receive_into(&self, from: usize, tag: Tag, memory: Message) -> Result<Message, CommError> {
@@ -321,8 +344,8 @@ impl Comm for MpiComm {
         memory: Message,
     ) -> Result<MpiReceiveRequest, CommError> {
         let from = self.known(from)?;
-        let mut receiving =
-            MpiReceiveRequest { message: memory, requests: Requests::default(), from, time_out: self.time_out };
+        let (requests, group) = (Requests::default(), Arc::clone(&self.group));
+        let mut receiving = MpiReceiveRequest { message: memory, requests, from, time_out: self.time_out, group };
         receiving.message.resize(len);
         let MpiReceiveRequest { message, requests, .. } = &mut receiving;
         let bytes = message.bytes_mut();

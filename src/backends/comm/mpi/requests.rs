@@ -3,12 +3,13 @@
 use std::ffi::c_int;
 use std::mem::MaybeUninit;
 use std::ops::Range;
+use std::sync::Arc;
 use std::thread;
 use std::time::{Duration, Instant};
 
 use mpi::ffi;
 
-use super::is_over;
+use super::{Group, is_over};
 use crate::las::{CommError, Message, ReceiveRequest, SendRequest};
 
 /// The largest number of bytes in one MPI message, which counts them in 32 bits; longer messages are sent in parts.
@@ -179,6 +180,7 @@ pub struct MpiReceiveRequest {
     pub(super) requests: Requests,
     pub(super) from: i32,
     pub(super) time_out: Option<Duration>,
+    pub(super) group: Arc<Group>,
 }
 
 // SAFETY: a request is not bound to a thread.
@@ -186,6 +188,9 @@ unsafe impl Send for MpiReceiveRequest {}
 
 impl Drop for MpiReceiveRequest {
     fn drop(&mut self) {
+        if !self.requests.0.is_empty() {
+            self.group.keep();
+        }
         let pending = if is_over() { &mut [][..] } else { &mut self.requests.0[..] };
         for request in pending {
             // SAFETY: a request that was started and not completed; if its message has arrived, the call has no effect.
