@@ -1,4 +1,5 @@
-//! RVEs a second of processor time on one core: one by one, and in the lanes of vector registers.
+//! RVEs a second of processor time on one core, one by one and in the lanes of vector registers; and the factorizations of
+//! the backend `batched`, which uses the same lanes.
 //!
 //! Run by `cargo bench --package benches --bench lanes`, with `BIOTISSUE_NETWORKS` set to the folder of the published
 //! networks; without it only generated networks are timed. Each network is pulled from rest to about 10 % ("cold"), then
@@ -7,6 +8,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use biotissue::backends::batched::{self, Batched, Lanes};
 use biotissue::backends::networks::lanes::Level;
 use biotissue::backends::sparse::Sparse;
 use biotissue::fiber::equilibrium::{EquilibriumParams, equilibrate};
@@ -15,6 +17,7 @@ use biotissue::fiber::law::{FiberMaterial, Law};
 use biotissue::fiber::network::{Network, file, generate};
 use biotissue::fiber::rve::{Rve, RveModel, StressScale};
 use biotissue::fiber::workspace::Workspace;
+use biotissue::las::{Backend, Solver, SolverParams, Sparsity, Symmetry};
 use biotissue::rve_batch::LaneBatch;
 use nalgebra::Matrix3;
 use rustix::time::{ClockId, clock_gettime};
@@ -154,17 +157,81 @@ fn measure(name: &str, network: Network, count: usize) {
     }
 }
 
+/// Returns a positive definite matrix with the pattern of the stiffness of a network, one in each lane.
+fn stiffness<const N: usize>(pattern: &Arc<Sparsity>) -> batched::Matrix<f64, N> {
+    let mut matrix = batched::Matrix::zeros(pattern);
+    let entries =
+        (0..pattern.rows()).flat_map(|row| pattern.row(row).iter().map(move |&column| (row, column as usize)));
+    for (value, (row, column)) in matrix.values_mut().iter_mut().zip(entries) {
+        let neighbors = pattern.row(row).len() as f64;
+        let entry = |lane: usize| {
+            if row == column { neighbors + lane as f64 } else { -1.0 / (1.0 + (row.abs_diff(column) % 7) as f64) }
+        };
+        *value = Lanes(std::array::from_fn(entry));
+    }
+    matrix
+}
+
+/// Returns the median of the seconds of a factorization or solve of each lane.
+fn seconds_of_each<const N: usize>(mut action: impl FnMut()) -> f64 {
+    let mut seconds: Vec<f64> = (0..101)
+        .map(|_| {
+            let start = processor_seconds();
+            action();
+            (processor_seconds() - start) / N as f64
+        })
+        .collect();
+    seconds.sort_by(f64::total_cmp);
+    seconds[seconds.len() / 2]
+}
+
+/// Prints the times of the factorizations and solves of the backend `batched`, `N` systems at once.
+fn measure_batched<const N: usize>(pattern: &Arc<Sparsity>, operations: f64) {
+    let params = SolverParams::new(Symmetry::Definite);
+    let symbolic = Batched::<f64, N>::analyze(&(), pattern, &params).expect("a symmetric pattern");
+    let mut solver = Batched::<f64, N>::solver(&symbolic).expect("a direct solver");
+    let matrix = stiffness::<N>(pattern);
+    let factor = seconds_of_each::<N>(|| drop(solver.factor(&matrix).expect("a definite matrix")));
+    let (b, mut x) = (vec![Lanes([1.0; N]); pattern.rows()].into(), vec![Lanes([0.0; N]); pattern.rows()].into());
+    let solve = seconds_of_each::<N>(|| drop(solver.solve(&b, &mut x).expect("a factorization")));
+    let how = if symbolic.uses_vectors() { "side by side" } else { "one by one (`sparse`)" };
+    println!("| {N}, {how} | {:.1} | {:.1} | {:.1} |", 1e6 * factor, 1e-9 * operations / factor, 1e6 * solve);
+}
+
+fn measure_factorizations(name: &str, network: &Network) {
+    let mut unknown = vec![-1_i32; network.nodes().len()];
+    (0..).zip(network.interior()).for_each(|(place, &node)| unknown[node as usize] = 3 * place);
+    let three = |first: i32| [first, first + 1, first + 2].map(|unknown| if first < 0 { -1 } else { unknown });
+    let elements = network.fibers().iter().map(|ends| ends.map(|node| three(unknown[node as usize])).concat());
+    let pattern = Sparsity::from_elements(3 * network.interior().len(), elements.collect::<Vec<_>>());
+    let pattern = Arc::new(pattern.expect("a small network"));
+    let single =
+        Sparse::<f64>::analyze(&(), &pattern, &SolverParams::new(Symmetry::Definite)).expect("a symmetric pattern");
+    let operations = single.operations().unwrap_or(0.0);
+    println!("\n{name}: backend `batched`, {:.2} MFLOP a factorization", 1e-6 * operations);
+    println!("\n| lanes | factor, us | GFLOP/s | solve, us |\n|---|---:|---:|---:|");
+    measure_batched::<1>(&pattern, operations);
+    measure_batched::<4>(&pattern, operations);
+    measure_batched::<8>(&pattern, operations);
+}
+
 fn main() {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
     pool.install(|| {
         if let Some(folder) = std::env::var_os("BIOTISSUE_NETWORKS") {
             match file::read(&Path::new(&folder).join("Network_2_7.txt")) {
-                Ok(read) => measure("`Network_2_7`", read.network, 1024),
+                Ok(read) => {
+                    measure_factorizations("`Network_2_7`", &read.network);
+                    measure("`Network_2_7`", read.network, 1024);
+                }
                 Err(error) => eprintln!("{error}"),
             }
         }
+        for points in [300, 1000] {
+            measure_factorizations(&format!("Delaunay {points}"), &generate::delaunay(points, 1).expect("a network"));
+        }
         measure("Delaunay 300", generate::delaunay(300, 1).expect("a network"), 128);
-        measure("Voronoi 100", generate::voronoi(100, 1).expect("a network"), 128);
+        measure("Voronoi 300", generate::voronoi(300, 1).expect("a network"), 128);
         measure("Delaunay 1000", generate::delaunay(1000, 1).expect("a network"), 16);
     });
 }

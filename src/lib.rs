@@ -34,7 +34,7 @@
 //! | `petsc` (implies `mpi`) | distributed vectors, matrices and solvers of PETSc | PETSc 3.18+ with its headers, MPI, libclang |
 //! | `mpi` | ranks as MPI processes | MPI, libclang |
 //! | `cuda` (implies `sparse`) | products and iterative solvers on a graphics processor of NVIDIA | nothing to build; the driver, NVRTC and cuSPARSE at run time |
-//! | `batched` | many systems of one sparsity pattern at once, one in each SIMD lane; no solver yet | nothing |
+//! | `batched` (implies `sparse`) | many systems of one sparsity pattern at once, one in each SIMD lane | nothing |
 //! | `metis` | METIS elimination orders, compared with those of the crate itself; mesh partitions | a C compiler |
 //! | `hwloc` | the position of a rank in the machine, for [`coupling::topology`] | hwloc 2 with its headers |
 //! | `capi` | the C interface of the backends, which Fortran also uses | nothing |

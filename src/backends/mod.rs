@@ -5,7 +5,7 @@
 //! | `sparse` | `sparse` (default) | systems of any size in memory: compressed rows, direct and iterative solvers |
 //! | `dense` | `dense` (default) | systems of a few hundred unknowns at most, and comparisons |
 //! | `petsc` | `petsc` | large systems, on several processes; solvers chosen at run time |
-//! | `batched` | `batched` | many systems with one pattern at once, one per lane; no solver yet |
+//! | `batched` | `batched` | many systems with one pattern at once, one per lane |
 //! | `cuda` | `cuda` | large systems with iterative solvers, on a graphics processor |
 
 #[cfg(any(feature = "sparse", feature = "dense", feature = "batched", feature = "petsc"))]
@@ -41,7 +41,7 @@ use std::fmt;
 use std::str::FromStr;
 
 /// The backends that the program's `--backend` knows, whether they are compiled in or not. `batched` is not among them,
-/// because it has no solver.
+/// because a body is one system.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum BackendName {
     /// Compressed rows and direct solvers.
@@ -103,7 +103,7 @@ impl FromStr for BackendName {
     }
 }
 
-/// Returns the names of the compiled-in backends, without `batched`, which has no solver.
+/// Returns the names of the compiled-in backends, without `batched`: a body is one system.
 pub fn compiled() -> &'static [&'static str] {
     &[
         #[cfg(feature = "sparse")]

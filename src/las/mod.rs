@@ -14,7 +14,7 @@
 //! | `dense` | Cholesky, LDL^T, LU | none, diagonal |
 //! | `petsc` | MUMPS, SuperLU_DIST or PETSc's own | none, diagonal, multigrid; others through PETSc options |
 //! | `cuda` | those of `sparse`, on the host | none, diagonal, multigrid |
-//! | `batched` | no | no iterative methods |
+//! | `batched` | those of `sparse`, side by side where that is faster | those of `sparse`, lane by lane |
 //!
 //! A backend that lacks the requested method returns [`SolveError::Unsupported`].
 //!

@@ -4,6 +4,8 @@
 #[cfg(any(feature = "sparse", feature = "dense"))]
 #[path = "../support/counting.rs"]
 mod counting;
+#[cfg(feature = "batched")]
+mod lanes;
 #[cfg(all(feature = "sparse", feature = "dense"))]
 mod matrix_market;
 #[cfg(feature = "sparse")]
@@ -55,6 +57,16 @@ fn batched() {
     check_operations::<Batched<f64, 4>>();
     check_operations::<Batched<f64, 1>>();
     check_operations::<Batched<f32, 7>>();
+}
+
+/// With 4 and 8 lanes of `f64`, trusses are factored in vector registers where the machine has them.
+#[test]
+#[cfg(feature = "batched")]
+fn batched_solvers() {
+    use biotissue::backends::batched::Batched;
+    conformance::solvers::<Batched<f64, 4>>(&(), Capabilities::ALL);
+    conformance::solvers::<Batched<f64, 8>>(&(), Capabilities::ALL);
+    conformance::solvers::<Batched<f32, 3>>(&(), Capabilities::ALL);
 }
 
 #[test]

@@ -2,14 +2,14 @@
 //!
 //! Every entry of a vector or matrix is a [`Lanes`] of `N` numbers; each operation acts on all lanes with the same
 //! instructions, and `norm` and `dot` return one number per lane. All lanes share the searches in the pattern, which
-//! cost more than the additions. This version has no solver for lanes.
+//! cost more than the additions, and the symbolic factorization; [`Solver`] says which matrices are factored side by side.
 //!
 //! ```
 //! use std::sync::Arc;
 //! use biotissue::backends::batched::{Batched, Lanes};
-//! use biotissue::las::{Backend, MatVec, MatrixOps, Sparsity, VectorOps};
+//! use biotissue::las::{Backend, MatVec, MatrixOps, Solver, SolverParams, Sparsity, Symmetry, VectorOps};
 //!
-//! // Four springs of stiffness 1, 2, 3, 4, each between the same two unknowns.
+//! // Four systems: springs of stiffness 1, 2, 3, 4, each between the same two unknowns.
 //! type B = Batched<f64, 4>;
 //! let pattern = Arc::new(Sparsity::from_elements(2, [[0, 1]]).unwrap());
 //! let mut a = B::matrix(&(), &pattern).unwrap();
@@ -19,6 +19,18 @@
 //! x.set(&[1], &[Lanes([1.0; 4])]).unwrap();
 //! a.mul(&x, &mut y).unwrap();
 //! assert_eq!(y.dot(&x).unwrap(), k);
+//!
+//! // Another spring of stiffness 1 holds the first unknown; a force of 6 acts on the second.
+//! a.add(&[0], &[0], &[Lanes([1.0; 4])]).unwrap();
+//! let symbolic = B::analyze(&(), &pattern, &SolverParams::new(Symmetry::Definite)).unwrap();
+//! let mut solver = B::solver(&symbolic).unwrap();
+//! solver.factor(&a).unwrap();
+//! let force = vec![Lanes([0.0; 4]), Lanes([6.0; 4])].into();
+//! solver.solve(&force, &mut x).unwrap();
+//! for lane in 0..4 {
+//!     let stiffness = lane as f64 + 1.0;
+//!     assert!((x.as_slice()[1].0[lane] - (6.0 + 6.0 / stiffness)).abs() < 1e-12);
+//! }
 //! ```
 
 mod lanes;
@@ -33,7 +45,8 @@ pub use lanes::Lanes;
 pub use solve::{Solver, Symbolic};
 
 use crate::backends::csr;
-use crate::las::{Backend, Scalar, SolveError, SolverParams, Sparsity, Value};
+use crate::backends::sparse::{Sparse, SparseScalar};
+use crate::las::{Backend, SolveError, SolverParams, Sparsity, Value};
 
 type Failure = SolveError<Infallible>;
 
@@ -47,7 +60,7 @@ pub type Matrix<T = f64, const N: usize = 4> = csr::Matrix<Lanes<T, N>>;
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Batched<T = f64, const N: usize = 4>(PhantomData<fn() -> T>);
 
-impl<T: Scalar, const N: usize> Backend for Batched<T, N> {
+impl<T: SparseScalar, const N: usize> Backend for Batched<T, N> {
     const NAME: &'static str = "batched";
 
     type Scalar = Lanes<T, N>;
@@ -59,7 +72,7 @@ impl<T: Scalar, const N: usize> Backend for Batched<T, N> {
     type Vector = Vector<T, N>;
     type Matrix = Matrix<T, N>;
     type Symbolic = Symbolic;
-    type Solver = Solver;
+    type Solver = Solver<T, N>;
 
     fn vector(_: &(), len: usize) -> Result<Self::Vector, Infallible> {
         Ok(csr::Vector::from(vec![Lanes::splat(T::zero()); len]))
@@ -69,11 +82,15 @@ impl<T: Scalar, const N: usize> Backend for Batched<T, N> {
         Ok(csr::Matrix::zeros(pattern))
     }
 
-    fn analyze(_: &(), _: &Arc<Sparsity>, _: &SolverParams) -> Result<Arc<Symbolic>, Failure> {
-        Err(solve::unsupported::<T, N>())
+    fn analyze(_: &(), pattern: &Arc<Sparsity>, params: &SolverParams) -> Result<Arc<Symbolic>, Failure> {
+        Symbolic::new::<T, N>(pattern, params).map(Arc::new)
     }
 
-    fn solver(symbolic: &Arc<Symbolic>) -> Result<Solver, Failure> {
-        match **symbolic {}
+    fn solver(symbolic: &Arc<Symbolic>) -> Result<Solver<T, N>, Failure> {
+        Solver::new(symbolic)
+    }
+
+    fn factor_bytes(symbolic: &Symbolic) -> usize {
+        N * Sparse::<T>::factor_bytes(symbolic.single())
     }
 }

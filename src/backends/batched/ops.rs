@@ -5,10 +5,11 @@ use num_traits::Zero;
 use super::{Batched, Lanes};
 use crate::backends::csr::impl_backend_ops;
 use crate::backends::local;
+use crate::backends::sparse::SparseScalar;
 use crate::las::Scalar;
 
 impl_backend_ops!(
-    [T: Scalar, const N: usize] Batched<T, N>, Lanes<T, N>, Lanes<T, N>, norm: norm, dot: dot, axpy: local::axpy
+    [T: SparseScalar, const N: usize] Batched<T, N>, Lanes<T, N>, Lanes<T, N>, norm: norm, dot: dot, axpy: local::axpy
 );
 
 /// Returns `sum_i x[i] y[i]` for every lane.

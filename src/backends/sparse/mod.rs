@@ -50,7 +50,7 @@ use std::sync::Arc;
 
 pub use analysis::Symbolic;
 pub use solve::Solver;
-use solve::SparseScalar;
+pub(in crate::backends) use solve::SparseScalar;
 
 use crate::backends::csr::impl_backend_ops;
 pub use crate::backends::csr::{Matrix, Vector};

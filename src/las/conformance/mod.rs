@@ -4,7 +4,7 @@
 //! sequences of vector and matrix operations, products, and linear systems. All cases follow from a seed, so that a
 //! failure is reproducible; a failing case is reduced and printed.
 //!
-//! One call runs the required part of the suite on a backend with one number per entry:
+//! One call runs the required part of the suite on a backend:
 //!
 //! ```
 //! # #[cfg(feature = "sparse")] {
@@ -24,7 +24,7 @@
 //! | function | tests | for |
 //! |---|---|---|
 //! | [`vectors`], [`matrices`], [`products`] | [`VectorOps`], [`MatrixOps`], [`MatVec`] | all, of several lanes too |
-//! | [`solvers`] | [`Solver`](super::Solver) | backends with one lane; [`Capabilities`] states what the solvers lack |
+//! | [`solvers`] | [`Solver`](super::Solver) | all, of several lanes too; [`Capabilities`] states what the solvers lack |
 //! | [`entries`], [`algebra`] | [`Entries`], [`MatMat`] | backends that implement these extensions |
 //!
 //! # Panics
@@ -53,7 +53,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 pub use reference::{DenseReference, Random};
 pub use solvers::solvers;
 
-use super::{Backend, Entries, MatMat, Scalar, SingleLane, Symmetry, Value};
+use super::{Backend, Entries, MatMat, Scalar, Symmetry, Value};
 use cases::Case;
 
 /// The random cases of a test.
@@ -136,12 +136,11 @@ impl Capabilities {
     }
 }
 
-/// Runs [`vectors`], [`matrices`], [`products`] and [`solvers`]: all tests that are required of a backend with one
-/// lane.
+/// Runs [`vectors`], [`matrices`], [`products`] and [`solvers`]: all tests that are required of a backend.
 ///
 /// # Panics
 /// Panics if the backend violates the specification of the traits.
-pub fn all<B: SingleLane>(context: &B::Context, trials: Trials, capabilities: Capabilities) {
+pub fn all<B: Backend>(context: &B::Context, trials: Trials, capabilities: Capabilities) {
     vectors::<B>(context, trials);
     matrices::<B>(context, trials);
     products::<B>(context, trials);

@@ -4,13 +4,13 @@ use std::sync::Arc;
 
 use super::system::LinearSystem;
 use super::{Capabilities, DenseReference, Random, unwrap};
-use crate::las::{Backend, Factorization, Scalar, SolveError, Solver, SolverParams, Sparsity, Symmetry};
+use crate::las::{Backend, Factorization, SolveError, Solver, SolverParams, Sparsity, Symmetry};
 
-/// Tests the factorizations and solves of a backend with one lane.
+/// Tests the factorizations and solves of a backend; all lanes have matrices of the same kind.
 ///
 /// # Panics
 /// Panics if the backend violates the specification of [`Solver`]; violations that `capabilities` permits are ignored.
-pub fn solvers<B: Backend<Scalar: Scalar>>(context: &B::Context, capabilities: Capabilities) {
+pub fn solvers<B: Backend>(context: &B::Context, capabilities: Capabilities) {
     let suite = Suite::<B> { context, capabilities };
     for (seed, unknowns) in (3000..).zip([1, 2, 3, 5, 8, 13, 21, 40, 70, 150, 450]) {
         let mut random = Random::new(seed);
@@ -44,7 +44,7 @@ struct Suite<'a, B: Backend> {
     capabilities: Capabilities,
 }
 
-impl<B: Backend<Scalar: Scalar>> Suite<'_, B> {
+impl<B: Backend> Suite<'_, B> {
     fn system(&self, pattern: &Arc<Sparsity>, symmetry: Symmetry) -> LinearSystem<'_, B> {
         LinearSystem::new(self.context, self.capabilities, pattern, symmetry)
     }

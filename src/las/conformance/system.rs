@@ -2,14 +2,17 @@
 
 use std::sync::Arc;
 
-use super::{Capabilities, DenseReference, Random, epsilon, indices, scalars, unwrap};
+use super::{Capabilities, DenseReference, Random, epsilon, indices, lanes, scalar, scalars, unwrap};
 use crate::las::{
     Backend, FactorReport, Factorization, Index, MatrixOps, Scalar, SolveError, Solver, SolverParams, Sparsity,
-    Symmetry, VectorOps,
+    Symmetry, Value, VectorOps,
 };
 
 /// A solver with its pattern and symbolic factorization.
-pub(super) struct LinearSystem<'a, B: Backend<Scalar: Scalar>> {
+///
+/// With several lanes, the matrix of each is that of the test times a power of two, so that all lanes get the same reports but
+/// different factors and solutions.
+pub(super) struct LinearSystem<'a, B: Backend> {
     context: &'a B::Context,
     pub(super) pattern: Arc<Sparsity>,
     symbolic: Arc<B::Symbolic>,
@@ -17,7 +20,7 @@ pub(super) struct LinearSystem<'a, B: Backend<Scalar: Scalar>> {
     capabilities: Capabilities,
 }
 
-impl<'a, B: Backend<Scalar: Scalar>> LinearSystem<'a, B> {
+impl<'a, B: Backend> LinearSystem<'a, B> {
     pub(super) fn new(
         context: &'a B::Context,
         capabilities: Capabilities,
@@ -47,7 +50,7 @@ impl<'a, B: Backend<Scalar: Scalar>> LinearSystem<'a, B> {
         let mut matrix = unwrap(B::matrix(self.context, &self.pattern));
         for row in 0..a.rows {
             for &column in self.pattern.row(row) {
-                let value = B::Scalar::of(a.get(row, column as usize));
+                let value = scalar::<B>(|lane| factor_of(lane) * a.get(row, column as usize));
                 unwrap(matrix.set(&[B::Index::of(row)], &[B::Index::of(column as usize)], &[value]));
             }
         }
@@ -78,7 +81,7 @@ impl<'a, B: Backend<Scalar: Scalar>> LinearSystem<'a, B> {
         let (b, mut x) = (self.vector(b), self.vector(&vec![UNSOLVED; b.len()]));
         let report = unwrap(self.solver.solve(&b, &mut x));
         assert_eq!(report.iterations, 0, "a direct solver does not iterate");
-        assert_solved::<B>(a, &read::<B>(&b), &read::<B>(&x))
+        assert_solved::<B>(a, &b, &x)
     }
 
     /// Factors, checks the report, and solves for one and for several right-hand sides.
@@ -92,9 +95,9 @@ impl<'a, B: Backend<Scalar: Scalar>> LinearSystem<'a, B> {
             let b: Vec<_> = right.iter().map(|b| self.vector(b)).collect();
             let mut x: Vec<_> = right.iter().map(|_| self.vector(&vec![UNSOLVED; n])).collect();
             unwrap(self.solver.solve_many(&b, &mut x));
-            for (b, x) in right.iter().zip(&x) {
-                let solved_at_once = assert_solved::<B>(a, b, &read::<B>(x));
-                let solved_alone = self.solve(a, b);
+            for ((values, b), x) in right.iter().zip(&b).zip(&x) {
+                let solved_at_once = assert_solved::<B>(a, b, x);
+                let solved_alone = self.solve(a, values);
                 let size = solved_alone.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
                 let pairs = solved_alone.iter().zip(&solved_at_once);
                 let difference = pairs.fold(0.0, |m: f64, (s, t)| m.max((s - t).abs()));
@@ -135,16 +138,26 @@ impl<'a, B: Backend<Scalar: Scalar>> LinearSystem<'a, B> {
 /// The value of all entries of a solution vector before the solve.
 const UNSOLVED: f64 = -55.0;
 
-fn read<B: Backend<Scalar: Scalar>>(x: &B::Vector) -> Vec<f64> {
-    unwrap(x.with_local(|values| values.iter().map(|v| v.as_f64()).collect()))
+/// The factor of the matrix of a lane.
+fn factor_of(lane: usize) -> f64 {
+    f64::from(1 << (lane % 8))
 }
 
-/// Checks that the residual of a solution is at the level of rounding errors, and returns the solution.
-fn assert_solved<B: Backend<Scalar: Scalar>>(a: &DenseReference, b: &[f64], x: &[f64]) -> Vec<f64> {
+fn read<B: Backend>(x: &B::Vector, lane: usize) -> Vec<f64> {
+    unwrap(x.with_local(|values| values.iter().map(|v| v.lane(lane).as_f64()).collect()))
+}
+
+/// Checks that the residual of a solution is at the level of rounding errors, and returns the solutions of all lanes.
+fn assert_solved<B: Backend>(a: &DenseReference, b: &B::Vector, x: &B::Vector) -> Vec<f64> {
     let largest = |v: &[f64]| v.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
-    let residual: Vec<f64> = a.times(x).iter().zip(b).map(|(ax, b)| ax - b).collect();
-    let bound = 50.0 * (1.0 + a.rows as f64) * epsilon::<B>() * (a.norm() * largest(x) + largest(b));
-    let found = largest(&residual);
-    assert!(found <= bound && !x.iter().any(|v| v.is_nan()), "residual {found:e} > {bound:e}, {} unknowns", a.rows);
-    x.to_vec()
+    let of_lane = |lane: usize| {
+        let (b, x, factor) = (read::<B>(b, lane), read::<B>(x, lane), factor_of(lane));
+        let residual: Vec<f64> = a.times(&x).iter().zip(&b).map(|(ax, b)| factor * ax - b).collect();
+        let bound = 50.0 * (1.0 + a.rows as f64) * epsilon::<B>() * (factor * a.norm() * largest(&x) + largest(&b));
+        let found = largest(&residual);
+        let is_solved = found <= bound && !x.iter().any(|v| v.is_nan());
+        assert!(is_solved, "residual {found:e} > {bound:e} in lane {lane}, {} unknowns", a.rows);
+        x
+    };
+    (0..lanes::<B>()).flat_map(of_lane).collect()
 }

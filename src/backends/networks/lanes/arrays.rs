@@ -1,7 +1,9 @@
 //! The memory of a group of networks, one in each lane.
 
 use std::cell::RefCell;
+use std::marker::PhantomData;
 
+use super::factor::{Factor, NegatedSymmetric};
 use super::network::Network;
 use super::simd::{MOST_LANES, Simd};
 use crate::backends::networks::MODES;
@@ -28,6 +30,26 @@ pub(super) struct Arrays<'a, S: Simd> {
     pub modes: &'a mut [S::Stored],
     /// Eighteen of each node: the sensitivities of the forces.
     pub loads: &'a mut [S::Stored],
+}
+
+impl<S: Simd> Arrays<'_, S> {
+    /// Factors the stiffness of the last evaluation, and solves `L y = r` for the residual.
+    pub fn factor<'a, const C: usize, const R: usize>(
+        &'a mut self,
+        network: &'a Network,
+    ) -> Factor<'a, S, NegatedSymmetric, C, R> {
+        let Self { stiffness, pairs, diagonal, lower, direction, .. } = self;
+        let schedule = &network.schedule;
+        Factor {
+            schedule,
+            matrix_diagonal: stiffness,
+            off_diagonal: pairs,
+            diagonal,
+            lower,
+            right: direction,
+            stored: PhantomData,
+        }
+    }
 }
 
 /// A number of each of the most lanes of any machine.

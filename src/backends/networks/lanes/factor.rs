@@ -1,12 +1,12 @@
-//! The Cholesky factorization of the stiffness of all lanes.
+//! The Cholesky factorization of the matrices of all lanes.
 
-use super::arrays::Arrays;
+use std::marker::PhantomData;
+
 use super::blocks::{
     Block, Node, Triangle, multiply_inverse, scale_rows, subtract_image, subtract_product, subtract_square,
 };
-use super::network::Network;
 use super::simd::{Kernel, Lanes, Simd, load, store};
-use crate::backends::networks::NONE;
+use crate::backends::networks::{NONE, Schedule};
 
 /// The smallest and the largest pivot of each lane, and whether all are positive.
 pub(super) struct Pivots<S: Simd> {
@@ -62,39 +62,72 @@ pub(super) const fn pairs_of(columns: usize) -> usize {
 /// The most columns of a tile, and the pairs of them.
 const MOST_PAIRS: usize = 3;
 
-/// Factors the stiffness of the last evaluation, `K = L L^T`, and solves `L y = r` for `direction` on the way. The schedule
-/// has tiles of `C` columns and `R` rows.
-pub(super) struct Factor<'a, 'b, S: Simd, const C: usize, const R: usize> {
-    pub network: &'a Network,
-    pub arrays: &'a mut Arrays<'b, S>,
+/// How the blocks of a matrix below its diagonal are stored.
+pub(super) trait OffDiagonal {
+    /// Loads the block of an edge.
+    fn load<S: Simd>(simd: S, from: &[S::Stored], edge: usize) -> Block<S>;
 }
 
-/// Starts a block from the stiffness.
-#[inline(always)]
-fn start_block<S: Simd>(simd: S, pairs: &[S::Stored], pair: u32) -> Block<S> {
-    if pair == NONE {
-        return [Lanes::splat(simd, 0.0); 9];
+/// Nine numbers for each edge, row by row: the block in the row of the node that is eliminated later.
+#[cfg(feature = "batched")]
+pub(super) struct Full;
+
+/// Six numbers for each edge: the lower triangle of the negative of a symmetric block.
+pub(super) struct NegatedSymmetric;
+
+#[cfg(feature = "batched")]
+impl OffDiagonal for Full {
+    #[inline(always)]
+    fn load<S: Simd>(simd: S, from: &[S::Stored], edge: usize) -> Block<S> {
+        load(simd, from, edge)
     }
-    let k: Triangle<S> = load(simd, pairs, pair as usize);
-    let k = [-k[0], -k[1], -k[2], -k[3], -k[4], -k[5]];
-    [k[0], k[1], k[3], k[1], k[2], k[4], k[3], k[4], k[5]]
 }
 
-impl<S: Simd, const C: usize, const R: usize> Kernel<S> for Factor<'_, '_, S, C, R> {
+impl OffDiagonal for NegatedSymmetric {
+    #[inline(always)]
+    fn load<S: Simd>(simd: S, from: &[S::Stored], edge: usize) -> Block<S> {
+        let k: Triangle<S> = load(simd, from, edge);
+        let k = [-k[0], -k[1], -k[2], -k[3], -k[4], -k[5]];
+        [k[0], k[1], k[3], k[1], k[2], k[4], k[3], k[4], k[5]]
+    }
+}
+
+/// Factors the matrices `A = L L^T`, and solves `L y = b` on the way. The schedule has tiles of `C` columns and `R` rows;
+/// `O` tells how the blocks below the diagonal are stored.
+pub(super) struct Factor<'a, S: Simd, O, const C: usize, const R: usize> {
+    pub schedule: &'a Schedule,
+    /// Six numbers of each node: the lower triangle of its diagonal block.
+    pub matrix_diagonal: &'a [S::Stored],
+    /// The blocks below the diagonal, one for each edge.
+    pub off_diagonal: &'a [S::Stored],
+    /// Six of each node: the inverse of the diagonal block of the factor.
+    pub diagonal: &'a mut [S::Stored],
+    /// Nine of each block of the factor below the diagonal, and of a last block of zeros.
+    pub lower: &'a mut [S::Stored],
+    /// Three of each node: `b`, which `y` replaces.
+    pub right: &'a mut [S::Stored],
+    pub stored: PhantomData<O>,
+}
+
+/// The initial value of a block of the factor.
+#[inline(always)]
+fn start_block<S: Simd, O: OffDiagonal>(simd: S, from: &[S::Stored], edge: u32) -> Block<S> {
+    if edge == NONE { [Lanes::splat(simd, 0.0); 9] } else { O::load(simd, from, edge as usize) }
+}
+
+impl<S: Simd, O: OffDiagonal, const C: usize, const R: usize> Kernel<S> for Factor<'_, S, O, C, R> {
     type Output = Pivots<S>;
 
     #[inline(always)]
     fn run(self, simd: S) -> Pivots<S> {
-        let Self { network, arrays } = self;
-        let Arrays { stiffness, pairs, diagonal, lower, direction, .. } = arrays;
-        let (stiffness, pairs) = (&**stiffness, &**pairs);
+        let Self { schedule, matrix_diagonal, off_diagonal, diagonal, lower, right, stored: _ } = self;
         let zero = Lanes::splat(simd, 0.0);
-        let none = network.schedule.blocks();
+        let none = schedule.blocks();
         store(&[zero; 9], lower, none);
         let mut pivots =
             Pivots { smallest: Lanes::splat(simd, f64::MAX), largest: zero, positive: Lanes::splat(simd, 1.0) };
-        let mut op = &network.schedule.factor[..];
-        for _ in 0..network.schedule.tiles {
+        let mut op = &schedule.factor[..];
+        for _ in 0..schedule.tiles {
             let (first, count) = (op[0] as usize, op[1] as usize);
             let within = &op[2..2 + 2 * pairs_of(C)];
             op = &op[2 + 2 * pairs_of(C)..];
@@ -105,10 +138,10 @@ impl<S: Simd, const C: usize, const R: usize> Kernel<S> for Factor<'_, '_, S, C,
             for q in 0..C {
                 // Columns that the tile does not have are a copy of the first one, which nothing reads.
                 let node = if q < count { first + q } else { first };
-                d[q] = load(simd, stiffness, node);
-                y[q] = load(simd, direction, node);
+                d[q] = load(simd, matrix_diagonal, node);
+                y[q] = load(simd, right, node);
                 for p in q + 1..C {
-                    low[inner(p, q)] = start_block(simd, pairs, within[2 * inner(p, q) + 1]);
+                    low[inner(p, q)] = start_block::<S, O>(simd, off_diagonal, within[2 * inner(p, q) + 1]);
                 }
             }
             let (updates, rest) = (op[0], &op[1..]);
@@ -116,7 +149,7 @@ impl<S: Simd, const C: usize, const R: usize> Kernel<S> for Factor<'_, '_, S, C,
             for _ in 0..updates {
                 let (now, rest) = op.split_at(1 + C);
                 op = rest;
-                let before: Node<S> = load(simd, direction, now[0] as usize);
+                let before: Node<S> = load(simd, right, now[0] as usize);
                 let mut b: [Block<S>; C] = [[zero; 9]; C];
                 for q in 0..C {
                     b[q] = load(simd, lower, now[1 + q] as usize);
@@ -139,7 +172,7 @@ impl<S: Simd, const C: usize, const R: usize> Kernel<S> for Factor<'_, '_, S, C,
                 pivots.invert(&mut d[q]);
                 multiply_inverse(&d[q], &mut y[q]);
                 store(&d[q], diagonal, first + q);
-                store(&y[q], direction, first + q);
+                store(&y[q], right, first + q);
                 for p in q + 1..C {
                     let mut block = low[inner(p, q)];
                     for s in 0..q {
@@ -163,7 +196,7 @@ impl<S: Simd, const C: usize, const R: usize> Kernel<S> for Factor<'_, '_, S, C,
                 let mut sums: [[Block<S>; C]; R] = [[[zero; 9]; C]; R];
                 for r in 0..R {
                     for q in 0..C {
-                        sums[r][q] = start_block(simd, pairs, destination[2 * (C * r + q) + 1]);
+                        sums[r][q] = start_block::<S, O>(simd, off_diagonal, destination[2 * (C * r + q) + 1]);
                     }
                 }
                 for _ in 0..updates {

@@ -12,6 +12,8 @@
 
 mod arrays;
 mod blocks;
+#[cfg(feature = "batched")]
+mod cholesky;
 mod factor;
 mod forces;
 mod laws;
@@ -31,6 +33,8 @@ mod x86;
 use pulp::x86::{V3, V4};
 
 use arrays::{Arrays, with_arrays};
+#[cfg(feature = "batched")]
+pub(in crate::backends) use cholesky::{LaneAnalysis, LaneCholesky, LanePivots};
 use network::Network;
 use newton::{Course, Newton};
 #[cfg(any(test, not(target_arch = "x86_64")))]
@@ -40,7 +44,7 @@ pub use start::LaneStart;
 use tangent::{ComputeProducts, Energy, SolveModes, Stress};
 
 use super::result::{BACKTRACKS, ENERGY, FORM, IMBALANCE, ITERATIONS, PIVOT_RATIO, RESIDUAL, SCALE, STATUS, STRESS};
-use super::{BatchParams, MODES, NetworkData, NetworkResult, RESULT_LEN, STEPS_OF_CONTINUATION, Status};
+use super::{BatchParams, MODES, NetworkData, NetworkResult, RESULT_LEN, STEPS_OF_CONTINUATION, Status, TileShape};
 
 /// Interior force sensitivities, relative to those at all nodes, at which the sensitivities are accurate.
 const ACCURATE: f64 = 1e-8;
@@ -86,6 +90,18 @@ impl Level {
     }
 }
 
+/// The shape of the tiles of a factorization with these instructions.
+fn tile_of(level: Level) -> TileShape {
+    match level {
+        #[cfg(any(test, not(target_arch = "x86_64")))]
+        Level::Portable => Portable::TILE,
+        #[cfg(target_arch = "x86_64")]
+        Level::Avx2(_) => V3::TILE,
+        #[cfg(target_arch = "x86_64")]
+        Level::Avx512(_) => V4::TILE,
+    }
+}
+
 /// The outcome of a network, with its new state if it is in equilibrium.
 #[derive(Debug)]
 pub struct LaneEnd<'a> {
@@ -124,15 +140,7 @@ impl NetworkLanes {
     /// # Panics
     /// As for [`NetworkLanes::new`].
     pub fn with_level(network: &NetworkData, level: Level) -> Self {
-        let tile = match level {
-            #[cfg(any(test, not(target_arch = "x86_64")))]
-            Level::Portable => Portable::TILE,
-            #[cfg(target_arch = "x86_64")]
-            Level::Avx2(_) => V3::TILE,
-            #[cfg(target_arch = "x86_64")]
-            Level::Avx512(_) => V4::TILE,
-        };
-        Self { level, network: Network::new(network, tile) }
+        Self { level, network: Network::new(network, tile_of(level)) }
     }
 
     /// The number of networks that are solved at once.

@@ -4,7 +4,6 @@
 //! same operations with the same results. What happens to a lane therefore does not depend on the others.
 
 use super::arrays::Arrays;
-use super::factor::Factor;
 use super::forces::{Evaluate, Forces};
 use super::network::Network;
 use super::simd::{Kernel, Lanes, MOST_LANES, Simd, load, numbers_of, store};
@@ -257,7 +256,7 @@ impl<S: Simd> Newton<'_, '_, S> {
                 return courses;
             }
             // At an equilibrium, the factor shows that it is stable, and serves the tangent.
-            let pivots = simd.vectorize(Factor::<S, C, R> { network, arrays: self.arrays });
+            let pivots = simd.vectorize(self.arrays.factor::<C, R>(network));
             let (smallest, largest) = (pivots.smallest.numbers(), pivots.largest.numbers());
             let positive = pivots.positive.numbers();
             for (lane, course) in courses.iter_mut().enumerate().filter(|(_, course)| course.runs()) {

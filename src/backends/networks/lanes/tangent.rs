@@ -68,8 +68,8 @@ impl<S: Simd, const C: usize> Kernel<S> for SolveModes<'_, '_, S, C> {
                 }
             }
         }
-        forward::<S, C, MODES, AT_ONCE>(simd, network, (diagonal, lower), modes);
-        backward::<S, C, MODES, AT_ONCE>(simd, network, (diagonal, lower), modes);
+        forward::<S, C, MODES, AT_ONCE>(simd, &network.schedule, (diagonal, lower), modes);
+        backward::<S, C, MODES, AT_ONCE>(simd, &network.schedule, (diagonal, lower), modes);
         for node in 0..network.nodes {
             let x: Node<S> = load(simd, positions, node);
             for mode in 0..MODES {

@@ -7,6 +7,7 @@ use super::blocks::{
 use super::factor::{inner, pairs_of};
 use super::network::Network;
 use super::simd::{Kernel, Lanes, Simd, load, store};
+use crate::backends::networks::Schedule;
 
 /// Solves `L^T x = y` for `direction`.
 pub(super) struct SolveDirection<'a, 'b, S: Simd, const C: usize> {
@@ -20,7 +21,7 @@ impl<S: Simd, const C: usize> Kernel<S> for SolveDirection<'_, '_, S, C> {
     #[inline(always)]
     fn run(self, simd: S) {
         let Arrays { diagonal, lower, direction, .. } = self.arrays;
-        backward::<S, C, 1, 1>(simd, self.network, (diagonal, lower), direction);
+        backward::<S, C, 1, 1>(simd, &self.network.schedule, (diagonal, lower), direction);
     }
 }
 
@@ -28,13 +29,13 @@ impl<S: Simd, const C: usize> Kernel<S> for SolveDirection<'_, '_, S, C> {
 #[inline(always)]
 pub(super) fn forward<S: Simd, const C: usize, const N: usize, const G: usize>(
     simd: S,
-    network: &Network,
+    schedule: &Schedule,
     (diagonal, lower): (&[S::Stored], &[S::Stored]),
     values: &mut [S::Stored],
 ) {
     let zero = Lanes::splat(simd, 0.0);
-    let mut op = &network.schedule.forward[..];
-    for _ in 0..network.schedule.tiles {
+    let mut op = &schedule.forward[..];
+    for _ in 0..schedule.tiles {
         let (first, count) = (op[0] as usize, op[1] as usize);
         let within = &op[2..2 + pairs_of(C)];
         let (updates, rest) = (op[2 + pairs_of(C)] as usize, &op[3 + pairs_of(C)..]);
@@ -84,13 +85,13 @@ pub(super) fn forward<S: Simd, const C: usize, const N: usize, const G: usize>(
 #[inline(always)]
 pub(super) fn backward<S: Simd, const C: usize, const N: usize, const G: usize>(
     simd: S,
-    network: &Network,
+    schedule: &Schedule,
     (diagonal, lower): (&[S::Stored], &[S::Stored]),
     values: &mut [S::Stored],
 ) {
     let zero = Lanes::splat(simd, 0.0);
-    let mut op = &network.schedule.backward[..];
-    for _ in 0..network.schedule.tiles {
+    let mut op = &schedule.backward[..];
+    for _ in 0..schedule.tiles {
         let (first, count) = (op[0] as usize, op[1] as usize);
         let within = &op[2..2 + pairs_of(C)];
         let (updates, rest) = (op[2 + pairs_of(C)] as usize, &op[3 + pairs_of(C)..]);

@@ -84,7 +84,7 @@ impl SimdLevel {
 }
 
 /// A scalar type for 3x3 blocks: `f64` or `f32`.
-pub trait BlockScalar: Scalar + RealField {
+pub trait BlockScalar: Scalar + RealField + bytemuck::Pod {
     /// Runs a kernel with the instructions of the given level, or of the next lower one that this machine supports.
     fn dispatch<K: WithSimd<Self>>(level: SimdLevel, kernel: K) -> K::Output;
 }
