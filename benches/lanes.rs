@@ -11,6 +11,7 @@ use std::sync::Arc;
 use biotissue::backends::batched::{self, Batched, Lanes};
 use biotissue::backends::networks::lanes::Level;
 use biotissue::backends::sparse::Sparse;
+use biotissue::fiber::batch::BatchEquilibrium;
 use biotissue::fiber::equilibrium::{EquilibriumParams, equilibrate};
 use biotissue::fiber::homogenize::Tangent;
 use biotissue::fiber::law::{FiberMaterial, Law};
@@ -51,6 +52,8 @@ struct Outcome {
     /// Seconds, cold and warm.
     seconds: [f64; 2],
     iterations: [usize; 2],
+    /// The share of the operations of a group that its lanes repeat because others are not done, cold and warm.
+    waiting: [f64; 2],
     /// RVEs that the batch left.
     left: usize,
     tangents: Vec<Tangent>,
@@ -88,9 +91,18 @@ fn in_lanes(batch: &LaneBatch, model: &Model, goals: &[[Matrix3<f64>; 2]]) -> Ou
         outcome.seconds[increment] = processor_seconds() - start;
         outcome.left += solved.iter().filter(|solved| solved.is_none()).count();
         outcome.iterations[increment] = solved.iter().flatten().map(|solved| solved.iterations).sum();
+        outcome.waiting[increment] = waiting(&solved, batch.lanes().lanes());
         outcome.tangents = solved.iter().flatten().map(|solved| solved.tangent).collect();
     }
     outcome
+}
+
+/// Returns the share of factorizations that lanes repeat while they wait for others of their group.
+fn waiting(solved: &[Option<BatchEquilibrium>], lanes: usize) -> f64 {
+    let factorizations = |solved: &Option<BatchEquilibrium>| solved.as_ref().map_or(0, |solved| solved.iterations + 1);
+    let needed: usize = solved.iter().map(factorizations).sum();
+    let of_group = |group: &[_]| lanes * group.iter().map(factorizations).max().unwrap_or(0);
+    1.0 - needed as f64 / solved.chunks(lanes).map(of_group).sum::<usize>().max(1) as f64
 }
 
 /// Returns the outcome with the medians of the seconds of several repetitions.
@@ -111,8 +123,10 @@ fn print(name: &str, count: usize, operations: f64, outcome: &Outcome, expected:
     let worst = outcome.tangents.iter().zip(&expected.tangents);
     let worst = worst.map(|(found, expected)| (found - expected).amax() / expected.amax()).fold(0.0, f64::max);
     println!(
-        "| {name} | {cold:.0} | {warm:.0} | {first:.2}, {second:.2} | {:.1} | {worst:.0e} | {} |",
+        "| {name} | {cold:.0} | {warm:.0} | {first:.2}, {second:.2} | {:.1} | {:.0} %, {:.0} % | {worst:.0e} | {} |",
         1e-9 * second * warm * operations,
+        100.0 * outcome.waiting[0],
+        100.0 * outcome.waiting[1],
         outcome.left
     );
 }
@@ -136,7 +150,7 @@ fn measure(name: &str, network: Network, count: usize) {
         1e-3 * any.lanes().bytes_per_lane() as f64
     );
     println!(
-        "\n| one core | cold /s | warm /s | factorizations | GFLOP/s of them, warm | deviation | left |\n|---|---:|---:|---|---:|---|---:|"
+        "\n| one core | cold /s | warm /s | factorizations | GFLOP/s of them, warm | lanes wait | deviation | left |\n|---|---:|---:|---|---:|---|---|---:|"
     );
     let expected = median(|| one_by_one(&model, &goals));
     print("one by one", count, operations, &expected, &expected);
