@@ -42,6 +42,11 @@ fn migrations_do_not_change_results() {
         ((3, 4), &at_steps),
         ((2, 3), "planner = \"greedy\", weights = \"seconds\""),
         ((1, 4), "planner = \"longest-first\""),
+        // Few RVEs on each rank: METIS must not print into the summary.
+        #[cfg(feature = "metis")]
+        ((1, 14), "planner = \"metis\", weights = \"seconds\""),
+        #[cfg(feature = "metis")]
+        ((2, 3), "planner = \"metis\", weights = \"iterations\""),
     ] {
         let text = restless(&text, scales, balance);
         let summary = run(folder.path(), &text, "--out shared --json").object();
