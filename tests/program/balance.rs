@@ -119,6 +119,33 @@ fn a_run_is_resumed_after_migrations() {
     assert_eq!(read(folder.path(), "shared/loads.csv"), alone);
 }
 
+/// Intervals of RVEs, some of which sleep and cost little, leave a rank without any: its piece of the checkpoint is empty.
+#[test]
+fn a_run_is_resumed_after_a_migration_that_empties_a_rank() {
+    let folder = tempfile::tempdir().unwrap();
+    let matrix = "matrix = { model = \"neo-hookean\", shear_modulus = \"1000*exp(12*x)\", poisson_ratio = 0.3 }";
+    let text = uneven(&fibers(&frozen())).replace("cells = [1, 1, 1]", "cells = [2, 1, 1]");
+    let text = text.replace("law = {", &format!("{matrix}\nlife = {{ asleep_below = 8e-3 }}\nlaw = {{"));
+    let text = text.replace("count = 2", "count = 6");
+    run(folder.path(), &text, "--out alone").done();
+    let alone = read(folder.path(), "alone/loads.csv");
+    let greedy = |scales| restless(&text, scales, "planner = \"greedy\", weights = \"iterations\"");
+    run(folder.path(), &greedy((1, 4)), "--out shared").done();
+    assert_eq!(read(folder.path(), "shared/loads.csv"), alone);
+    // The RVEs of the micro ranks until the end of step 5, after which the run is resumed.
+    let log = events(&folder.path().join("shared"));
+    let until_then = log.iter().take_while(|event| event["event"] != "step" || event["step"] != 5);
+    let of_ranks = until_then.filter(|event| event["event"] == "ranks").map(|event| event["ranks"].as_array().unwrap());
+    let counts: Vec<Vec<u64>> =
+        of_ranks.map(|ranks| ranks[1..].iter().map(|rank| rank["rves"].as_u64().unwrap()).collect()).collect();
+    assert!(counts[0] == [3, 3, 3, 3] && counts.last().unwrap().contains(&0), "{counts:?}");
+    for scales in [(2, 2), (1, 5), (1, 4)] {
+        std::fs::remove_file(folder.path().join("shared/checkpoint/step-00006.bin")).unwrap();
+        run(folder.path(), &greedy(scales), "--out shared --resume").done();
+        assert_eq!(read(folder.path(), "shared/loads.csv"), alone, "{scales:?}");
+    }
+}
+
 /// A step that fails reverts RVEs that moved within it.
 #[test]
 fn a_step_is_cut_after_migrations() {
