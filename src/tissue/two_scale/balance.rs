@@ -219,6 +219,7 @@ impl RveBalancer {
         units: &mut Units<B>,
         seconds: f64,
     ) -> Result<(), TwoScaleError> {
+        units.learn_costs();
         let (histories, costs) = units.histories();
         let of_cost = |cost: &Cost| match self.params.weights {
             WeightsName::Iterations => cost.iterations,
