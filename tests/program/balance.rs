@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use biotissue::app::results::{CostRow, read_costs};
+use biotissue::app::results::{CostRow, read_costs, read_fields, read_points};
 use serde_json::Value;
 
 use crate::frozen;
@@ -28,11 +28,44 @@ pub fn migrations(folder: &Path) -> Vec<Value> {
     events(folder).into_iter().filter(|event| event["event"] == "migration").collect()
 }
 
+/// Checks that two runs on the same ranks of the macro scale have written the same fields and points, bit for bit; only
+/// the ranks of the RVEs may differ.
+pub fn assert_same_files(folder: &Path, found: &str, expected: &str) {
+    let names = |run: &str| -> Vec<String> {
+        let entries = std::fs::read_dir(folder.join(run)).unwrap();
+        let names = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap());
+        let is_whole = |name: &String| name.ends_with("vtu") && !name.contains("-part-");
+        let mut names: Vec<String> = names.filter(is_whole).collect();
+        names.sort();
+        names
+    };
+    let both = [found, expected];
+    let [of_found, of_expected] = both.map(names);
+    assert_eq!(of_found, of_expected);
+    assert!(of_found.iter().any(|name| name.starts_with("points-")), "{of_found:?}");
+    for name in of_found {
+        // Unlike numbers, their shortest decimals are equal if both are NaN.
+        let shown = both.map(|run| {
+            let path = folder.join(run).join(&name);
+            if name.starts_with("points-") {
+                let mut values = read_points(&path).unwrap();
+                values.integers.retain(|(name, _)| name != "rank");
+                format!("{values:?}")
+            } else {
+                let mut fields = read_fields(&path).unwrap();
+                fields.cell_integers.retain(|(name, _)| name != "rank");
+                format!("{fields:?}")
+            }
+        });
+        assert!(shown[0] == shown[1], "{name}");
+    }
+}
+
 #[test]
 fn migrations_do_not_change_results() {
     let folder = tempfile::tempdir().unwrap();
     let text = uneven(&fibers(&frozen())).replace("cells = [1, 1, 1]", "cells = [2, 2, 1]");
-    let text = text.replace("count = 2", "count = 5");
+    let text = text.replace("count = 2", "count = 5") + "[output]\npoints = true\n";
     run(folder.path(), &text, "--out alone").done();
     let alone = read(folder.path(), "alone/loads.csv");
     let at_steps = format!("{BY_ITERATIONS}, when = \"step\"");
@@ -48,9 +81,12 @@ fn migrations_do_not_change_results() {
         #[cfg(feature = "metis")]
         ((2, 3), "planner = \"metis\", weights = \"iterations\""),
     ] {
+        let still = format!("{}balance = {{ planner = \"none\" }}\n", with_scales(&text, scales));
+        run(folder.path(), &still, "--out still").done();
         let text = restless(&text, scales, balance);
         let summary = run(folder.path(), &text, "--out shared --json").object();
         assert_eq!(read(folder.path(), "shared/loads.csv"), alone, "{scales:?} {balance}");
+        assert_same_files(folder.path(), "shared", "still");
         let moved = migrations(&folder.path().join("shared"));
         let units: u64 = moved.iter().map(|event| event["units"].as_u64().unwrap()).sum();
         assert_eq!(
