@@ -6,7 +6,7 @@
 
 use std::cell::Cell;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-#[cfg(any(feature = "app", test))]
+#[cfg(any(feature = "app", feature = "sparse", test))]
 use std::sync::{Mutex, PoisonError};
 
 use rayon::prelude::*;
@@ -52,7 +52,7 @@ pub(crate) fn map<I: Send, R: Send>(
 
 /// Calls `work` with every item: each thread takes the next one as soon as it is free. Returns the results in the order
 /// of the items. If the items come in descending order of their cost, the threads end at about the same time.
-#[cfg(any(feature = "app", test))]
+#[cfg(any(feature = "app", feature = "sparse", test))]
 pub(crate) fn take_in_turn<I: Send, R: Send>(items: Vec<I>, work: impl Fn(I) -> R + Sync + Send) -> Vec<R> {
     if items.len() <= 1 || threads() == 1 {
         return items.into_iter().map(work).collect();

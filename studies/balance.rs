@@ -6,19 +6,21 @@
 //! mpirun --oversubscribe -n 9 target/release/balance                              # built with --features mpi
 //! ```
 //!
-//! prints a table of `docs/coupling.md`. A unit sleeps instead of computing, so that any number of cores suffices. The
-//! ranks compute 60 sweeps of 40 units each, at first 40 units on every rank:
+//! prints a table of `docs/coupling.md`. An argument, as in `balance 8`, sets the number of sweeps. A unit sleeps instead of
+//! computing, so that any number of cores suffices. The ranks compute 60 sweeps of 40 units each, at first 40 units on every
+//! rank; four sweeps are a load step:
 //!
 //! | load | costs of the units |
 //! |---|---|
 //! | static | 5 to 15 ms, rising along the sequence of units |
-//! | drifting | 5 to 15 ms; the most expensive place moves through the units in 60 sweeps |
+//! | drifting | 5 to 15 ms; the most expensive place moves through the units in all sweeps |
 //! | heavy tail | 5 ms; 3 % of the units, all near each other at first, 25 ms |
 //! | random | a new cost in every sweep: 5 ms, and for a random 3 % of the units 25 ms |
 //!
-//! The patient trigger waits for three unbalanced sweeps with max/mean of 1.35, and three more after a migration. The bound
-//! is what remains if every sweep is balanced perfectly: a sweep takes at least the mean load, and at least as
-//! long as its largest unit.
+//! The default carries out a migration before the next sweep (`when = "iteration"` of a case), or at the end of the step
+//! (`when = "step"`). The patient trigger waits for three unbalanced sweeps with max/mean of 1.35, and three more after a
+//! migration. The bound is what remains if every sweep is balanced perfectly: a sweep takes at least the mean load, and at
+//! least as long as its largest unit.
 
 use std::error::Error;
 use std::f64::consts::TAU;
@@ -30,10 +32,10 @@ use biotissue::coupling::balance::{
 };
 use biotissue::coupling::{Channel, Comm, Coupling, EvenPartition, Message, Plan, Role, Scales, Share};
 use biotissue::las::conformance::Random;
+use biotissue::tissue::two_scale::When;
 
 const RANKS: usize = 8;
 const UNITS: usize = 40 * RANKS;
-const SWEEPS: usize = 60;
 /// Sweeps of a load step, at whose end the text's scheme balances.
 const SWEEPS_OF_STEP: usize = 4;
 const SECONDS: f64 = 5e-3;
@@ -49,14 +51,19 @@ enum Load {
 const LOADS: [(&str, Load); 4] =
     [("static", Load::Static), ("drifting", Load::Drifting), ("heavy tail", Load::HeavyTail), ("random", Load::Random)];
 
-/// Returns the seconds that a unit takes in a sweep.
-fn seconds(load: Load, unit: u64, sweep: usize) -> f64 {
+/// The number of sweeps of each run.
+fn sweeps() -> usize {
+    std::env::args().nth(1).and_then(|count| count.parse().ok()).unwrap_or(60)
+}
+
+/// Returns the seconds that a unit takes in a sweep of `sweeps`.
+fn seconds(load: Load, unit: u64, (sweep, sweeps): (usize, usize)) -> f64 {
     let place = unit as f64 / UNITS as f64;
     let is_chosen = |seed: u64| Random::new(seed).below(100) < 3;
     SECONDS
         * match load {
             Load::Static => 1.0 + 2.0 * place,
-            Load::Drifting => 2.0 + (TAU * (place - sweep as f64 / SWEEPS as f64)).cos(),
+            Load::Drifting => 2.0 + (TAU * (place - sweep as f64 / sweeps as f64)).cos(),
             Load::HeavyTail if place < 0.03 => 5.0,
             Load::Random if is_chosen(unit + (UNITS * sweep) as u64) => 5.0,
             Load::HeavyTail | Load::Random => 1.0,
@@ -74,7 +81,7 @@ enum Kind {
     /// Newton iterations since the last migration, at the end of every step with an imbalance of 5 % or more.
     Text,
     /// The predictor with single moves, and this trigger.
-    Ours(TriggerParams),
+    Ours(TriggerParams, When),
 }
 
 fn schemes() -> Vec<Scheme> {
@@ -82,8 +89,9 @@ fn schemes() -> Vec<Scheme> {
     vec![
         Scheme { name: "nothing", kind: Kind::Nothing },
         Scheme { name: "text", kind: Kind::Text },
-        Scheme { name: "default", kind: Kind::Ours(TriggerParams::default()) },
-        Scheme { name: "default, patient trigger", kind: Kind::Ours(patient) },
+        Scheme { name: "default", kind: Kind::Ours(TriggerParams::default(), When::Iteration) },
+        Scheme { name: "default, at step ends", kind: Kind::Ours(TriggerParams::default(), When::Step) },
+        Scheme { name: "default, patient trigger", kind: Kind::Ours(patient, When::Iteration) },
     ]
 }
 
@@ -121,7 +129,7 @@ struct Cells<C: Comm> {
 
 impl<C: Comm> Cells<C> {
     /// Sleeps for every unit; returns their costs.
-    fn sweep(&mut self, load: Load, sweep: usize) -> Outcome<Vec<Cost>> {
+    fn sweep(&mut self, load: Load, sweep: (usize, usize)) -> Outcome<Vec<Cost>> {
         let start = Instant::now();
         let costs: Vec<Cost> = (self.coupling.units().iter())
             .map(|&unit| {
@@ -201,9 +209,9 @@ fn run<C: Comm>(world: &C, load: Load, scheme: &Scheme) -> Outcome<Option<Shares
     let units: Vec<u64> = if scales.own() == 0 { (0..UNITS as u64).collect() } else { Vec::new() };
     let mut coupling = Coupling::new(&scales, "body", "cells", &units, &[], &EvenPartition)?;
     let (mut tasks, mut answers) = (Channel::<f64>::new(&coupling)?, Channel::<u64>::new(&coupling)?);
-    let start = Instant::now();
+    let (start, sweeps) = (Instant::now(), sweeps());
     if coupling.role() == Role::Producer {
-        for _ in 0..SWEEPS {
+        for _ in 0..sweeps {
             tasks.send(&coupling, &vec![1.0; UNITS])?;
             let mut from = vec![0; UNITS];
             answers.receive(&coupling.inverse(), &mut from)?;
@@ -216,30 +224,30 @@ fn run<C: Comm>(world: &C, load: Load, scheme: &Scheme) -> Outcome<Option<Shares
     }
     let mut cells = Cells { scale: scales.comm().clone(), histories: Vec::new(), coupling, shares: Shares::default() };
     cells.histories = vec![CostHistory::default(); cells.coupling.units().len()];
-    let params = if let Kind::Ours(params) = scheme.kind { params } else { TriggerParams::default() };
+    let params = if let Kind::Ours(params, _) = scheme.kind { params } else { TriggerParams::default() };
     let (mut balancer, mut predictor) = (Balancer::new(params), Predictor::new(Quantity::Seconds, 1));
-    for sweep in 0..SWEEPS {
+    for sweep in 0..sweeps {
         let mut strains = vec![0.0; cells.coupling.units().len()];
         tasks.receive(&cells.coupling, &mut strains)?;
-        let costs = cells.sweep(load, sweep)?;
+        let costs = cells.sweep(load, (sweep, sweeps))?;
         answers.send(&cells.coupling.inverse(), cells.coupling.units())?;
         let ends_step = (sweep + 1) % SWEEPS_OF_STEP == 0;
         let seconds = match scheme.kind {
-            Kind::Ours(_) => cells.record(&mut predictor, &costs)?,
+            Kind::Ours(..) => cells.record(&mut predictor, &costs)?,
             _ => cells.record(&mut Iterations, &costs)?,
         };
         // The body must know whether its coupling changes before it can.
         let due = match scheme.kind {
             Kind::Nothing => false,
             Kind::Text => ends_step && cells.imbalance(seconds)? >= 1.05,
-            Kind::Ours(_) => {
+            Kind::Ours(_, when) => {
                 balancer.observe(&cells.scale, seconds)?;
-                balancer.is_due()
+                balancer.is_due() && (when == When::Iteration || ends_step)
             }
         };
         scales.broadcast(0, Message::of(&[u64::from(due)]))?;
         match scheme.kind {
-            Kind::Ours(_) if due => cells.balance(&predictor, &mut balancer)?,
+            Kind::Ours(..) if due => cells.balance(&predictor, &mut balancer)?,
             _ if due => cells.balance_by_the_text()?,
             _ => {}
         }

@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # Runs two uneven cases on two cores: on two micro ranks of one thread each without and with load balancing, and on one micro
 # rank with two threads, and prints how the ranks shared the work. The argument is a folder for networks and results, by
-# default target/balancing.
+# default target/balancing. There, status-mixed.svg (docs/balance-status.svg) and status-compressed.svg are the status charts of
+# the runs whose RVEs move.
 set -euo pipefail
 cd "$(dirname "$0")"
 
@@ -45,4 +46,6 @@ print(f"{case:11} {names[ranks]:30} {events[-1]['seconds']:7.2f} {mean('idle_any
       f" {seconds / busy:9.3f} {sum(step['migrations'] for step in steps):10} {moved:6}")
 PYTHON
     done
+    "$program" report "$case-default" --charts "$case-charts" >"$case-charts.log"
+    cp "$case-charts/rank-status.svg" "status-$case.svg"
 done

@@ -26,7 +26,9 @@ pub struct BatchEquilibrium {
 /// Solves for the equilibria of many RVEs of one model.
 ///
 /// Whatever it solves has the result of [`equilibrate`](super::equilibrium::equilibrate) to rounding errors, and the
-/// result of an RVE does not depend on the others. What it does not solve, it leaves to `equilibrate`.
+/// result of an RVE does not depend on the others, nor on their order. What it does not solve, it leaves to `equilibrate`.
+/// RVEs come in descending order of their expected iterations, so that those that are solved together take about equally
+/// many.
 pub trait BatchSolver: Send {
     /// Brings RVEs to equilibrium at these deformation gradients, one for each. An RVE for which the result is `None` is
     /// unchanged: it needs more than Newton's method, or its state does not belong to the model. Calls `progress` with the

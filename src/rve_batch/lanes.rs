@@ -10,10 +10,11 @@ use crate::fiber::batch::{BatchEquilibrium, BatchSolver};
 use crate::fiber::equilibrium::EquilibriumParams;
 use crate::fiber::rve::{Rve, RveModel};
 use crate::las::RealBackend;
+use crate::parallel;
 use crate::processor_time::ProcessorTime;
 
 /// A solver for many RVEs of one model at once, as many as a vector register has lanes; the threads of the current rayon
-/// pool solve different groups.
+/// pool take one group of consecutive RVEs after the other.
 ///
 /// The result of an RVE does not depend on the others, on the number of threads, or on the number of lanes, as long as the
 /// machine has fused multiply-adds.
@@ -81,13 +82,13 @@ impl LaneBatch {
         assert_eq!(rves.len(), targets.len(), "one target for each RVE");
         let Some(params) = self.of_model.params(params) else { return vec![None; rves.len()] };
         let lanes = self.lanes.lanes();
-        let groups = rves.par_chunks_mut(lanes).zip(targets.par_chunks(lanes));
-        let solve_group = |(rves, targets)| {
+        let groups = rves.chunks_mut(lanes).zip(targets.chunks(lanes)).collect();
+        let solve_group = |(rves, targets): (&mut [&mut Rve], &[Matrix3<f64>])| {
             let solved = self.solve_group(rves, targets, &params);
             progress(solved.iter().flatten().count());
             solved
         };
-        groups.flat_map_iter(solve_group).collect()
+        parallel::take_in_turn(groups, solve_group).into_iter().flatten().collect()
     }
 
     fn solve_group(

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use biotissue::app::results::{CostRow, read_costs};
+use biotissue::app::results::{CostRow, read_costs, read_fields, read_points};
 use serde_json::Value;
 
 use crate::frozen;
@@ -28,11 +28,44 @@ pub fn migrations(folder: &Path) -> Vec<Value> {
     events(folder).into_iter().filter(|event| event["event"] == "migration").collect()
 }
 
+/// Checks that two runs on the same ranks of the macro scale have written the same fields and points, bit for bit; only
+/// the ranks of the RVEs may differ.
+pub fn assert_same_files(folder: &Path, found: &str, expected: &str) {
+    let names = |run: &str| -> Vec<String> {
+        let entries = std::fs::read_dir(folder.join(run)).unwrap();
+        let names = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap());
+        let is_whole = |name: &String| name.ends_with("vtu") && !name.contains("-part-");
+        let mut names: Vec<String> = names.filter(is_whole).collect();
+        names.sort();
+        names
+    };
+    let both = [found, expected];
+    let [of_found, of_expected] = both.map(names);
+    assert_eq!(of_found, of_expected);
+    assert!(of_found.iter().any(|name| name.starts_with("points-")), "{of_found:?}");
+    for name in of_found {
+        // Unlike numbers, their shortest decimals are equal if both are NaN.
+        let shown = both.map(|run| {
+            let path = folder.join(run).join(&name);
+            if name.starts_with("points-") {
+                let mut values = read_points(&path).unwrap();
+                values.integers.retain(|(name, _)| name != "rank");
+                format!("{values:?}")
+            } else {
+                let mut fields = read_fields(&path).unwrap();
+                fields.cell_integers.retain(|(name, _)| name != "rank");
+                format!("{fields:?}")
+            }
+        });
+        assert!(shown[0] == shown[1], "{name}");
+    }
+}
+
 #[test]
 fn migrations_do_not_change_results() {
     let folder = tempfile::tempdir().unwrap();
     let text = uneven(&fibers(&frozen())).replace("cells = [1, 1, 1]", "cells = [2, 2, 1]");
-    let text = text.replace("count = 2", "count = 5");
+    let text = text.replace("count = 2", "count = 5") + "[output]\npoints = true\n";
     run(folder.path(), &text, "--out alone").done();
     let alone = read(folder.path(), "alone/loads.csv");
     let at_steps = format!("{BY_ITERATIONS}, when = \"step\"");
@@ -42,10 +75,18 @@ fn migrations_do_not_change_results() {
         ((3, 4), &at_steps),
         ((2, 3), "planner = \"greedy\", weights = \"seconds\""),
         ((1, 4), "planner = \"longest-first\""),
+        // Few RVEs on each rank: METIS must not print into the summary.
+        #[cfg(feature = "metis")]
+        ((1, 14), "planner = \"metis\", weights = \"seconds\""),
+        #[cfg(feature = "metis")]
+        ((2, 3), "planner = \"metis\", weights = \"iterations\""),
     ] {
+        let still = format!("{}balance = {{ planner = \"none\" }}\n", with_scales(&text, scales));
+        run(folder.path(), &still, "--out still").done();
         let text = restless(&text, scales, balance);
         let summary = run(folder.path(), &text, "--out shared --json").object();
         assert_eq!(read(folder.path(), "shared/loads.csv"), alone, "{scales:?} {balance}");
+        assert_same_files(folder.path(), "shared", "still");
         let moved = migrations(&folder.path().join("shared"));
         let units: u64 = moved.iter().map(|event| event["units"].as_u64().unwrap()).sum();
         assert_eq!(
@@ -112,6 +153,33 @@ fn a_run_is_resumed_after_migrations() {
     std::fs::remove_file(folder.path().join("shared/checkpoint/step-00004.bin")).unwrap();
     run(folder.path(), &text, "--out shared --resume").done();
     assert_eq!(read(folder.path(), "shared/loads.csv"), alone);
+}
+
+/// Intervals of RVEs, some of which sleep and cost little, leave a rank without any: its piece of the checkpoint is empty.
+#[test]
+fn a_run_is_resumed_after_a_migration_that_empties_a_rank() {
+    let folder = tempfile::tempdir().unwrap();
+    let matrix = "matrix = { model = \"neo-hookean\", shear_modulus = \"1000*exp(12*x)\", poisson_ratio = 0.3 }";
+    let text = uneven(&fibers(&frozen())).replace("cells = [1, 1, 1]", "cells = [2, 1, 1]");
+    let text = text.replace("law = {", &format!("{matrix}\nlife = {{ asleep_below = 8e-3 }}\nlaw = {{"));
+    let text = text.replace("count = 2", "count = 6");
+    run(folder.path(), &text, "--out alone").done();
+    let alone = read(folder.path(), "alone/loads.csv");
+    let greedy = |scales| restless(&text, scales, "planner = \"greedy\", weights = \"iterations\"");
+    run(folder.path(), &greedy((1, 4)), "--out shared").done();
+    assert_eq!(read(folder.path(), "shared/loads.csv"), alone);
+    // The RVEs of the micro ranks until the end of step 5, after which the run is resumed.
+    let log = events(&folder.path().join("shared"));
+    let until_then = log.iter().take_while(|event| event["event"] != "step" || event["step"] != 5);
+    let of_ranks = until_then.filter(|event| event["event"] == "ranks").map(|event| event["ranks"].as_array().unwrap());
+    let counts: Vec<Vec<u64>> =
+        of_ranks.map(|ranks| ranks[1..].iter().map(|rank| rank["rves"].as_u64().unwrap()).collect()).collect();
+    assert!(counts[0] == [3, 3, 3, 3] && counts.last().unwrap().contains(&0), "{counts:?}");
+    for scales in [(2, 2), (1, 5), (1, 4)] {
+        std::fs::remove_file(folder.path().join("shared/checkpoint/step-00006.bin")).unwrap();
+        run(folder.path(), &greedy(scales), "--out shared --resume").done();
+        assert_eq!(read(folder.path(), "shared/loads.csv"), alone, "{scales:?}");
+    }
 }
 
 /// A step that fails reverts RVEs that moved within it.

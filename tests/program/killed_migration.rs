@@ -1,12 +1,13 @@
-//! MPI runs of which one process is killed while RVEs move: all ranks end, and the run is resumed from its checkpoint.
+//! MPI runs in which RVEs move: results stay the same; if one process is killed meanwhile, all ranks end, and the run is
+//! resumed from its checkpoint.
 #![cfg(all(target_os = "linux", feature = "mpi"))]
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use crate::balance::{BY_ITERATIONS, migrations, restless};
-use crate::ranks::processes::{launched, one_at_a_time};
-use crate::ranks::{read, with_life_cycles};
+use crate::balance::{BY_ITERATIONS, assert_same_files, migrations, restless};
+use crate::ranks::processes::{launched, mpirun_done, one_at_a_time};
+use crate::ranks::{read, with_life_cycles, with_scales};
 use crate::run::{events, run, write_case};
 
 /// The tag of the messages that carry RVEs and updates of couplings during a migration.
@@ -20,6 +21,26 @@ fn library(folder: &Path) -> PathBuf {
     let compiled = Command::new(compiler).args(["-shared", "-fPIC", "-o"]).args([&library, &source]).output().unwrap();
     assert!(compiled.status.success(), "{}", String::from_utf8_lossy(&compiled.stderr));
     library
+}
+
+/// On processes, RVEs that move leave all results as they are without balancing, also between creations and deletions.
+#[test]
+fn migrations_between_processes_do_not_change_results() {
+    let _turn = one_at_a_time();
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let text = with_life_cycles() + "[output]\npoints = true\n";
+    for scales in [(1, 3), (2, 2)] {
+        let still = format!("{}balance = {{ planner = \"none\" }}\n", with_scales(&text, scales));
+        for (out, text) in [("still", still), ("moved", restless(&text, scales, BY_ITERATIONS))] {
+            write_case(folder, "case.toml", &text);
+            mpirun_done(folder, scales.0 + scales.1, &format!("run case.toml --backend sparse --out {out}"));
+        }
+        assert!(migrations(&folder.join("still")).is_empty());
+        assert!(migrations(&folder.join("moved")).len() > 3, "{scales:?}");
+        assert_eq!(read(folder, "moved/loads.csv"), read(folder, "still/loads.csv"), "{scales:?}");
+        assert_same_files(folder, "moved", "still");
+    }
 }
 
 #[test]

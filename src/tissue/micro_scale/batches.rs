@@ -1,7 +1,8 @@
 //! RVEs that another processor solves, all of one model at once.
 //!
 //! A sweep over the RVEs begins with the batches; what they leave is then solved one by one. Which RVE a batch solves
-//! depends on nothing but that RVE, so that results do not depend on ranks or threads.
+//! depends on nothing but that RVE, so that results do not depend on ranks or threads, nor on the order in which they are
+//! taken (`order`): the longest first.
 
 #[cfg(all(test, feature = "sparse"))]
 mod tests;
@@ -14,12 +15,14 @@ use rayon::prelude::*;
 use super::error::{PointFailure, PointFailureKind};
 use super::iterations::IterationCounts;
 use super::library::Library;
+use super::order::Order;
 use super::unit::{Origin, RveStats, Unit};
 use super::units::Units;
 use crate::fem::material::Response;
 use crate::fiber::batch::BatchEquilibrium;
 use crate::fiber::rve::Rve;
 use crate::las::RealBackend;
+use crate::parallel;
 
 /// What a batch did for each unit: its counters and the change of its deformation gradient; `None` for a unit that is
 /// still to be solved.
@@ -31,13 +34,14 @@ impl<B: RealBackend> Units<B> {
     pub(super) fn solve_batches(
         &mut self,
         gradient: &(impl Fn(usize, usize) -> Option<Matrix3<f64>> + Sync),
+        order: &Order,
     ) -> Result<Done, PointFailure> {
         let Self { library, points, units, activity, .. } = self;
         let target_of = |number: usize, unit: &Unit| {
             let target = gradient(number, points[number])?;
             unit.response.is_none_or(|(last, _)| last != target).then_some(target)
         };
-        for_each_model(library, units, target_of, |model, mut chosen| {
+        for_each_model(library, units, order, target_of, |model, mut chosen| {
             let Some(mut solver) = library.batch_solver(model) else { return Ok(Vec::new()) };
             let targets: Vec<Matrix3<f64>> = chosen.iter().map(|chosen| chosen.target).collect();
             let predicted: Vec<bool> = chosen.iter().map(|chosen| has_sensitivities(chosen.unit)).collect();
@@ -47,7 +51,7 @@ impl<B: RealBackend> Units<B> {
                 .collect();
             let progress = |rves: usize| activity.skip(rves);
             let solved = solver.solve(&mut rves, &targets, &library.params, &progress);
-            let solved = solved.map_err(|reason| device_failure(chosen[0].unit, reason))?;
+            let solved = solved.map_err(|reason| device_failure(&chosen, reason))?;
             let accepted =
                 chosen.into_par_iter().zip(predicted).zip(solved).map(|((chosen, predicted), equilibrium)| {
                     let Chosen { number, unit, target } = chosen;
@@ -61,20 +65,21 @@ impl<B: RealBackend> Units<B> {
     pub(super) fn verify_batches(
         &mut self,
         gradient: &(impl Fn(usize, usize) -> Option<Matrix3<f64>> + Sync),
+        order: &Order,
     ) -> Result<Done, PointFailure> {
         let Self { library, points, units, .. } = self;
         let target_of = |number: usize, unit: &Unit| {
             let is_open = unit.fibers.as_ref().is_some_and(|fibers| fibers.origin == Origin::Trial);
             if is_open { gradient(number, points[number]) } else { None }
         };
-        for_each_model(library, units, target_of, |model, mut chosen| {
+        for_each_model(library, units, order, target_of, |model, mut chosen| {
             let Some(mut solver) = library.batch_solver(model) else { return Ok(Vec::new()) };
             let states = chosen
                 .iter()
                 .filter_map(|chosen| chosen.unit.fibers.as_ref().map(|fibers| (&fibers.committed, &fibers.current)));
             let (from, reached): (Vec<&Rve>, Vec<&Rve>) = states.unzip();
             let leads = solver.converge_to(&from, &reached, &library.params);
-            let leads = leads.map_err(|reason| device_failure(chosen[0].unit, reason))?;
+            let leads = leads.map_err(|reason| device_failure(&chosen, reason))?;
             let mut verified = Vec::new();
             for (chosen, _) in chosen.iter_mut().zip(leads).filter(|(_, leads)| *leads) {
                 if let Some(fibers) = &mut chosen.unit.fibers {
@@ -99,10 +104,12 @@ struct Chosen<'a> {
 type Outcome = Result<Vec<(usize, (RveStats, f64))>, PointFailure>;
 
 /// Applies `solve` to the units of each model with a solver for batches, all models side by side, so that small batches
-/// fill the device together. `target_of` returns the gradient of a unit that takes part.
+/// fill the device together. `target_of` returns the gradient of a unit that takes part. The units of a batch are in the
+/// order of their expected iterations, the batches in that of their expected seconds, the most first.
 fn for_each_model<B: RealBackend>(
     library: &Library<B>,
     units: &mut [Unit],
+    order: &Order,
     target_of: impl Fn(usize, &Unit) -> Option<Matrix3<f64>>,
     solve: impl Fn(usize, Vec<Chosen<'_>>) -> Outcome + Sync,
 ) -> Result<Done, PointFailure> {
@@ -116,9 +123,12 @@ fn for_each_model<B: RealBackend>(
             by_model[model].push(Chosen { number, unit, target });
         }
     }
-    let batches: Vec<_> = by_model.into_iter().enumerate().filter(|(_, chosen)| !chosen.is_empty()).collect();
+    let mut batches: Vec<_> = by_model.into_iter().enumerate().filter(|(_, chosen)| !chosen.is_empty()).collect();
+    batches.iter_mut().for_each(|(_, chosen)| order.by_iterations(chosen, |chosen| chosen.number));
+    let seconds = |chosen: &[Chosen<'_>]| order.seconds_of(chosen.iter().map(|chosen| chosen.number));
+    batches.sort_by(|(_, a), (_, b)| seconds(b).total_cmp(&seconds(a)));
     let start = Instant::now();
-    let outcomes: Vec<Outcome> = batches.into_par_iter().map(|(model, chosen)| solve(model, chosen)).collect();
+    let outcomes: Vec<Outcome> = parallel::take_in_turn(batches, |(model, chosen)| solve(model, chosen));
     let seconds = start.elapsed().as_secs_f64();
     for outcome in outcomes {
         outcome?.into_iter().for_each(|(number, counted)| done[number] = Some(counted));
@@ -181,8 +191,9 @@ fn accept(
     Some((stats, increment))
 }
 
-/// Reports the failure of a device at the first of the RVEs that it should have solved.
-fn device_failure(unit: &Unit, reason: String) -> PointFailure {
+/// Reports the failure of a device at the first of the RVEs that it should have solved, of which there is at least one.
+fn device_failure(chosen: &[Chosen<'_>], reason: String) -> PointFailure {
+    let first = chosen.iter().min_by_key(|chosen| chosen.number).unwrap_or(&chosen[0]);
     let reason = format!("the device that solves the RVEs failed: {reason}");
-    PointFailure { point: unit.location, network: None, reason, kind: PointFailureKind::Device }
+    PointFailure { point: first.unit.location, network: None, reason, kind: PointFailureKind::Device }
 }

@@ -5,7 +5,7 @@
 //! |---|---|
 //! | `library` | the data that all RVEs share: the materials and their networks, each read once |
 //! | `unit`, `worker` | one RVE; the scratch memory of one thread |
-//! | `units`, `sweep` | the RVEs of one rank; their solution on its threads |
+//! | `units`, `sweep`, `order` | the RVEs of one rank; their solution on its threads, and in which order |
 //! | `batches` | the RVEs that another processor solves, all of one model at once |
 //! | `sites` | the material of each point: a formula, an RVE, or the substitute of an RVE that is not awake |
 //! | `activity` | what the threads are doing, for a report of progress |
@@ -26,6 +26,7 @@ mod iterations;
 mod library;
 mod lifecycle;
 mod moving;
+mod order;
 pub(super) mod pieces;
 mod raw;
 mod sampled;

@@ -8,10 +8,11 @@ use nalgebra::Matrix3;
 use super::batches::Done;
 use super::error::PointFailure;
 use super::library::Library;
+use super::order::Order;
 use super::unit::{RveStats, Unit, UnitError};
 use super::units::{FailedRve, Units};
 use super::worker::Worker;
-use crate::coupling::balance::{Cost, CostHistory};
+use crate::coupling::balance::Cost;
 use crate::las::RealBackend;
 use crate::parallel;
 
@@ -29,8 +30,9 @@ impl<B: RealBackend> Units<B> {
     ) -> Result<(), PointFailure> {
         let activity = Arc::clone(&self.activity);
         let _evaluation = activity.evaluate(self.units.len());
-        let done = self.solve_batches(&gradient).inspect_err(|_| self.revert())?;
-        let solved = self.for_each_unit(gradient, done, |unit, gradient, library, worker, stats| {
+        let order = self.expected_order();
+        let done = self.solve_batches(&gradient, &order).inspect_err(|_| self.revert())?;
+        let solved = self.for_each_unit(gradient, (done, &order), |unit, gradient, library, worker, stats| {
             unit.respond(gradient, library, worker, stats).map(|_| false)
         });
         solved.map(drop)
@@ -48,16 +50,17 @@ impl<B: RealBackend> Units<B> {
     ) -> Result<Vec<usize>, PointFailure> {
         let activity = Arc::clone(&self.activity);
         let _evaluation = activity.evaluate(self.units.len());
-        let done = self.verify_batches(&gradient).inspect_err(|_| self.revert())?;
-        self.for_each_unit(gradient, done, Unit::verify)
+        let order = self.expected_order();
+        let done = self.verify_batches(&gradient, &order).inspect_err(|_| self.revert())?;
+        self.for_each_unit(gradient, (done, &order), Unit::verify)
     }
 
-    /// Applies `action` to every unit that has a gradient and is not in `done`, on all threads; returns the indices of the
-    /// units for which it returned true, ascending.
+    /// Applies `action` to every unit that has a gradient and is not in `done`, on all threads, the longest first; returns
+    /// the indices of the units for which it returned true, ascending.
     fn for_each_unit(
         &mut self,
         gradient: impl Fn(usize, usize) -> Option<Matrix3<f64>> + Sync,
-        done: Done,
+        (done, order): (Done, &Order),
         action: impl Fn(
             &mut Unit,
             &Matrix3<f64>,
@@ -67,7 +70,7 @@ impl<B: RealBackend> Units<B> {
         ) -> Result<bool, UnitError<B::Error>>
         + Sync,
     ) -> Result<Vec<usize>, PointFailure> {
-        let order = self.longest_first();
+        let order = order.longest_first();
         let Self { library, units, points, costs, workers, activity, .. } = self;
         activity.restart(done.iter().flatten().count());
         let (library, points) = (&*library, &*points);
@@ -127,19 +130,6 @@ impl<B: RealBackend> Units<B> {
         let failure = self.failure(number, &gradient, &reason);
         self.revert();
         Err(failure)
-    }
-
-    /// Returns the order in which the threads take the RVEs: the longest first, as measured before, so that no thread
-    /// starts a long one when the others are done. A new RVE comes before all others.
-    fn longest_first(&self) -> Vec<usize> {
-        let mut order: Vec<usize> = (0..self.units.len()).collect();
-        if parallel::threads() > 1 {
-            let of_new =
-                |history: &CostHistory| if history.sweeps == 0 { f64::INFINITY } else { history.smooth_seconds };
-            let expected: Vec<f64> = self.histories.iter().map(of_new).collect();
-            order.sort_by(|&a, &b| expected[b].total_cmp(&expected[a]));
-        }
-        order
     }
 
     fn failure(&mut self, number: usize, gradient: &Matrix3<f64>, reason: &UnitError<B::Error>) -> PointFailure {

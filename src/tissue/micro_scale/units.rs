@@ -14,7 +14,7 @@ use super::pieces::{self, Piece};
 use super::saved::{FieldRestoreError, UnitState};
 use super::unit::{Origin, RveStats, Unit};
 use super::worker::Worker;
-use crate::coupling::balance::{Cost, CostHistory};
+use crate::coupling::balance::{Cost, CostHistory, Predictor, Quantity};
 use crate::fem::material::Response;
 use crate::fem::mesh::IntegrationPoint;
 use crate::fiber::rve::{Rve, StressScale};
@@ -34,6 +34,8 @@ pub(in crate::tissue) struct Units<B: Backend> {
     /// What every unit cost in the last sweep over all units, and before.
     pub(super) costs: Vec<Cost>,
     pub(super) histories: Vec<CostHistory>,
+    /// Predicts what the units will cost.
+    pub(super) predictor: Predictor,
     /// The costs of every sweep, if they are part of the output.
     kept_costs: Option<KeptCosts>,
     pub(super) workers: Vec<Mutex<Worker<B>>>,
@@ -78,8 +80,10 @@ impl<B: RealBackend> Units<B> {
     pub fn new(library: Library<B>) -> Self {
         let models = library.models.len();
         let workers = (0..rayon::current_num_threads()).map(|_| Mutex::new(Worker::new(models))).collect();
+        // The last class is that of RVEs without a network.
+        let predictor = Predictor::new(Quantity::Seconds, models + 1);
         let (units, points, costs, histories, kept_costs, stats, failed_rve, activity) = Default::default();
-        Self { library, units, points, costs, histories, kept_costs, workers, stats, failed_rve, activity }
+        Self { library, units, points, costs, histories, predictor, kept_costs, workers, stats, failed_rve, activity }
     }
 
     /// Returns what the threads are doing.
@@ -162,8 +166,9 @@ impl<B: RealBackend> Units<B> {
         kept.push(counted.map(of_unit).collect());
     }
 
-    /// Appends the costs of the last [`Units::solve`] to the histories.
+    /// Learns from the costs of the last [`Units::solve`] and appends them to the histories.
     pub fn record_costs(&mut self) {
+        self.learn_costs();
         self.histories.iter_mut().zip(&self.costs).for_each(|(history, cost)| history.record(cost));
     }
 

@@ -12,13 +12,14 @@ use crate::coupling::balance::{
 use crate::las::{Comm, RealBackend};
 use crate::tissue::micro_scale::Units;
 
-/// How the micro scale balances its load.
+/// How the micro scale balances its load: `P` is a [`Planner`], `W` is [`RveWeights`]. A case file names both; other
+/// callers may pass their own.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct BalanceParams {
-    /// The algorithm that plans which RVEs move.
-    pub planner: PlannerName,
-    /// What an RVE is expected to cost.
-    pub weights: WeightsName,
+pub struct BalanceParams<P = PlannerName, W = WeightsName> {
+    /// The algorithm that plans which RVEs move; the same on all ranks.
+    pub planner: P,
+    /// What an RVE is expected to cost; the same on all ranks.
+    pub weights: W,
     /// When a migration is due.
     pub trigger: TriggerParams,
     /// When it is carried out.
@@ -149,15 +150,61 @@ pub struct BalanceReport {
     pub skill: Option<f64>,
 }
 
-/// The weights of a run.
-enum AnyWeights {
+/// What RVEs are expected to cost, before their networks are known: a [`WeightsName`], or any [`Weights`].
+pub trait RveWeights {
+    /// The weights of a run.
+    type Weights: Weights;
+
+    /// Returns the weights of RVEs of so many networks. The class of an RVE ([`CostHistory::class`]) is the number of its
+    /// network, or their number if it has none.
+    fn for_networks(self, networks: usize) -> Self::Weights;
+
+    /// Returns true if the weights expect iterations, and not seconds.
+    fn are_iterations(&self) -> bool {
+        false
+    }
+}
+
+/// User-defined weights, which expect seconds, up to a factor.
+impl<W: Weights> RveWeights for W {
+    type Weights = Self;
+
+    fn for_networks(self, _: usize) -> Self {
+        self
+    }
+}
+
+impl RveWeights for WeightsName {
+    type Weights = NamedWeights;
+
+    fn for_networks(self, networks: usize) -> NamedWeights {
+        match self {
+            Self::Unit => NamedWeights::Unit(Unit),
+            Self::Iterations => NamedWeights::Iterations(Iterations),
+            Self::Seconds => NamedWeights::Seconds(Seconds),
+            // The last class is that of RVEs without a network.
+            Self::Predictor => NamedWeights::Predictor(Box::new(Predictor::new(Quantity::Seconds, networks + 1))),
+        }
+    }
+
+    fn are_iterations(&self) -> bool {
+        *self == Self::Iterations
+    }
+}
+
+/// The weights that a [`WeightsName`] stands for.
+pub enum NamedWeights {
+    /// The same for all.
     Unit(Unit),
+    /// Newton iterations.
     Iterations(Iterations),
+    /// Seconds.
     Seconds(Seconds),
+    /// Predicted seconds.
     Predictor(Box<Predictor>),
 }
 
-impl Weights for AnyWeights {
+impl Weights for NamedWeights {
     fn weight(&self, history: &CostHistory) -> f64 {
         match self {
             Self::Unit(unit) => unit.weight(history),
@@ -185,9 +232,11 @@ impl Weights for AnyWeights {
 }
 
 /// Balances the load of one rank of the micro scale with the others. A sweep is one evaluation of all RVEs.
-pub(super) struct RveBalancer {
-    params: BalanceParams,
-    weights: AnyWeights,
+pub(super) struct RveBalancer<P, V> {
+    planner: P,
+    weights: V,
+    /// Whether the weights expect iterations, and not seconds.
+    by_iterations: bool,
     balancer: Balancer,
     /// The weight of each RVE before the last sweep, and what it cost then.
     compared: Vec<[f64; 2]>,
@@ -199,17 +248,13 @@ impl MigrationReport {
     }
 }
 
-impl RveBalancer {
+impl<P: Planner, V: Weights> RveBalancer<P, V> {
     /// Creates a balancer for RVEs of so many networks.
-    pub fn new(params: BalanceParams, networks: usize) -> Self {
-        let weights = match params.weights {
-            WeightsName::Unit => AnyWeights::Unit(Unit),
-            WeightsName::Iterations => AnyWeights::Iterations(Iterations),
-            WeightsName::Seconds => AnyWeights::Seconds(Seconds),
-            // The last class is that of RVEs without a network.
-            WeightsName::Predictor => AnyWeights::Predictor(Box::new(Predictor::new(Quantity::Seconds, networks + 1))),
-        };
-        Self { params, weights, balancer: Balancer::new(params.trigger), compared: Vec::new() }
+    pub fn new(params: BalanceParams<P, impl RveWeights<Weights = V>>, networks: usize) -> Self {
+        let BalanceParams { planner, weights, trigger, when: _ } = params;
+        let by_iterations = weights.are_iterations();
+        let (weights, balancer) = (weights.for_networks(networks), Balancer::new(trigger));
+        Self { planner, weights, by_iterations, balancer, compared: Vec::new() }
     }
 
     /// Learns from the costs of a sweep that took `seconds` on this rank. Collective over the scale.
@@ -219,11 +264,9 @@ impl RveBalancer {
         units: &mut Units<B>,
         seconds: f64,
     ) -> Result<(), TwoScaleError> {
+        units.learn_costs();
         let (histories, costs) = units.histories();
-        let of_cost = |cost: &Cost| match self.params.weights {
-            WeightsName::Iterations => cost.iterations,
-            _ => cost.seconds,
-        };
+        let of_cost = |cost: &Cost| if self.by_iterations { cost.iterations } else { cost.seconds };
         let pairs = histories.iter().zip(costs);
         self.compared = pairs.map(|(history, cost)| [self.weights.weight(history), of_cost(cost)]).collect();
         balance::record(scale, &mut self.weights, histories, costs)?;
@@ -247,7 +290,7 @@ impl RveBalancer {
         }
         let weights: Vec<f64> = units.histories().0.iter().map(|history| self.weights.weight(history)).collect();
         let bytes: Vec<u64> = (0..units.len()).map(|number| units.packed_bytes(number)).collect();
-        Ok(self.balancer.plan(scale, &self.params.planner, &weights, &bytes)?)
+        Ok(self.balancer.plan(scale, &self.planner, &weights, &bytes)?)
     }
 
     /// Moves the RVEs of a plan. Collective over the scale.

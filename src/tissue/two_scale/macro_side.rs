@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use nalgebra::Matrix3;
 
 use super::TwoScaleError;
-use super::balance::{BalanceParams, BalanceReport};
+use super::balance::{BalanceReport, When};
 use super::divided::DividedBody;
 use super::micro_proxy::{BodySolve, MicroProxy};
 use super::protocol::{Outcome, RankTimes, RveFailure, Task, UnitReport};
@@ -54,12 +54,13 @@ struct Reports {
 }
 
 impl<'a, C: Comm, B: RealBackend> ScaleField<'a, C, B> {
-    /// Sets up the materials of a mesh; also returns the warnings of the network reader. Does not communicate.
+    /// Sets up the materials of a mesh; also returns the warnings of the network reader. If the micro scale balances its
+    /// load, `balances` is the time of its migrations, as [`run_micro`](super::run_micro) has it. Does not communicate.
     ///
     /// # Errors
     /// Returns [`LibraryError`] if a network cannot be read or used, or a region of the mesh has no material.
     pub fn new(
-        (scales, body_solve, balance): (&'a Scales<C>, BodySolve, Option<BalanceParams>),
+        (scales, body_solve, balances): (&'a Scales<C>, BodySolve, Option<When>),
         context: B::Context,
         materials: Materials,
         mesh: &Mesh,
@@ -70,7 +71,7 @@ impl<'a, C: Comm, B: RealBackend> ScaleField<'a, C, B> {
         let shard_of = mesh.part().is_none().then(|| super::partition::partition(mesh, scales.comm().size()));
         let points = sites.len();
         let field = Self {
-            micro: MicroProxy::new(scales, body_solve, balance.map(|balance| balance.when), shard_of),
+            micro: MicroProxy::new(scales, body_solve, balances, shard_of),
             library,
             sites,
             divided,

@@ -7,13 +7,14 @@ use std::time::Instant;
 use serde::Serialize;
 
 use super::TwoScaleError;
-use super::balance::{BalanceParams, MigrationReport, RveBalancer};
+use super::balance::{BalanceParams, MigrationReport, RveBalancer, RveWeights};
 use super::channels::Channels;
 use super::protocol::{
     Command, MACRO, NewRve, PieceFailure, RankReport, RankTimes, RveFailure, RveResponse, RveTask, Task, UnitReport,
     pack, unpack,
 };
 use crate::coupling::Scales;
+use crate::coupling::balance::{Planner, Weights};
 use crate::las::{Backend, Comm, Message, RealBackend};
 use crate::tissue::materials::ElementSelection;
 use crate::tissue::micro_scale::pieces;
@@ -30,15 +31,16 @@ pub struct MicroOutput {
     pub costs: bool,
 }
 
-/// The main function of the micro scale on one rank. With `balance`, the ranks balance their load; [`ScaleField::new`](super::ScaleField::new) gets the same.
+/// The main function of the micro scale on one rank. With `balance`, the ranks balance their load;
+/// [`ScaleField::new`](super::ScaleField::new) gets its `when`.
 ///
 /// # Errors
 /// Returns [`TwoScaleError`] if communication fails or a message does not follow the protocol.
-pub fn run<C: Comm, B: RealBackend>(
+pub fn run<C: Comm, B: RealBackend, P: Planner, W: RveWeights>(
     scales: &Scales<C>,
     library: Library<B>,
     output: MicroOutput,
-    balance: Option<BalanceParams>,
+    balance: Option<BalanceParams<P, W>>,
 ) -> Result<(), TwoScaleError> {
     let macro_scale = scales.find(MACRO).ok_or(TwoScaleError::Scale(MACRO))?;
     let channels = Channels::new(scales)?;
@@ -54,7 +56,7 @@ pub fn run<C: Comm, B: RealBackend>(
 }
 
 /// The RVEs of a rank and their couplings.
-struct MicroSide<'a, C: Comm, B: Backend> {
+struct MicroSide<'a, C: Comm, B: Backend, P, V> {
     scales: &'a Scales<C>,
     /// Index of the macro scale in `scales`.
     macro_scale: usize,
@@ -62,7 +64,7 @@ struct MicroSide<'a, C: Comm, B: Backend> {
     networks: ElementSelection,
     units: Units<B>,
     channels: Channels<C>,
-    balancer: Option<RveBalancer>,
+    balancer: Option<RveBalancer<P, V>>,
     /// The last tasks received, in the order of the units.
     tasks: Vec<RveTask>,
     failed: Option<PointFailure>,
@@ -72,7 +74,7 @@ struct MicroSide<'a, C: Comm, B: Backend> {
     between: RankTimes,
 }
 
-impl<C: Comm, B: RealBackend> MicroSide<'_, C, B> {
+impl<C: Comm, B: RealBackend, P: Planner, V: Weights> MicroSide<'_, C, B, P, V> {
     fn run(mut self) -> Result<(), TwoScaleError> {
         let mut complete = false;
         while !complete {

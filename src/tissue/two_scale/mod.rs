@@ -29,6 +29,83 @@
 //! a checkpoint is due: Command::Save ---------->   each rank writes the states of its RVEs to a piece
 //! Command::Complete --------------------------->   complete
 //! ```
+//!
+//! # Example: planner and weights of a user
+//!
+//! A box of 48 elements with a network in each is strained in one half, where RVEs take more iterations. Three ranks solve
+//! them; the planner deals out all RVEs by turns, the heaviest first.
+//!
+//! ```
+//! use biotissue::backends::sparse::Sparse;
+//! use biotissue::coupling::balance::{BalanceError, CostHistory, Loads, MigrationPlan, TriggerParams};
+//! use biotissue::coupling::{Plan, Scales, Share, thread};
+//! use biotissue::fem::mesh::shapes::cuboid;
+//! use biotissue::fem::point_field::{PointField, PointResponses};
+//! use biotissue::tissue::materials::{ElementSelection, Materials};
+//! use biotissue::tissue::micro_scale::{Library, TissueField, TissueMaterial};
+//! use biotissue::tissue::two_scale::{BalanceParams, BodySolve, MACRO, MICRO, MicroOutput, ScaleField, When, run_micro};
+//! use nalgebra::Matrix3;
+//!
+//! # fn materials() -> Materials {
+//! #     use biotissue::fiber::rve::StressScale;
+//! #     use biotissue::tissue::materials::{FiberRve, NetworkAssignment, Region, RegionMaterial, RveLifecycle};
+//! #     let rve = FiberRve {
+//! #         networks: vec!["tests/networks/frozen.txt".into()],
+//! #         assignment: NetworkAssignment::Cycle,
+//! #         seed: 0,
+//! #         scale: StressScale::Raw.into(),
+//! #         law: None,
+//! #         matrix: None,
+//! #         lifecycle: RveLifecycle::default(),
+//! #     };
+//! #     let region = Region { name: "*".into(), material: RegionMaterial::FiberRve(rve) };
+//! #     Materials { regions: vec![region], ..Materials::default() }
+//! # }
+//! # fn evaluate(field: &mut impl PointField) -> Result<PointResponses, Box<dyn std::error::Error>> {
+//! #     let mut responses = PointResponses::zeros(48);
+//! #     for iteration in 1..=3 {
+//! #         let strained = Matrix3::identity() + Matrix3::from_element(0.02 * f64::from(iteration));
+//! #         let gradients: Vec<_> = (0..48).map(|k| if k < 24 { strained } else { Matrix3::identity() }).collect();
+//! #         field.update(&gradients, &mut responses).map_err(|error| error.to_string())?;
+//! #     }
+//! #     field.commit().map_err(|error| error.to_string())?;
+//! #     Ok(responses)
+//! # }
+//! let by_turns = |loads: &Loads| -> Result<MigrationPlan, BalanceError> {
+//!     let (mut order, ranks): (Vec<usize>, _) = ((0..loads.units()).collect(), loads.ranks() as u32);
+//!     order.sort_by(|&a, &b| loads.weights()[b].total_cmp(&loads.weights()[a]));
+//!     let mut targets = vec![0; loads.units()];
+//!     (0..).zip(order).for_each(|(turn, unit)| targets[unit] = turn % ranks);
+//!     MigrationPlan::to_targets(loads, &targets)
+//! };
+//! let last_iterations = |history: &CostHistory| 1.0 + history.iterations;
+//! // Plans after every sweep, whatever a migration takes.
+//! let trigger = TriggerParams { threshold: 1.0, horizon: 1e12, ..TriggerParams::default() };
+//!
+//! let shares = Plan::default().with(MACRO, Share::Count(1)).with(MICRO, Share::Count(3));
+//! thread::run(4, |comm| -> Result<(), Box<dyn std::error::Error>> {
+//!     let scales = Scales::new(&comm, &shares)?;
+//!     let when = When::Iteration;
+//!     if scales.find(MICRO) == Some(scales.own()) {
+//!         let (library, _) = Library::<Sparse>::read((), materials())?;
+//!         let output = MicroOutput { networks: ElementSelection::None, costs: false };
+//!         let balance = BalanceParams { planner: by_turns, weights: last_iterations, trigger, when };
+//!         return Ok(run_micro(&scales, library, output, Some(balance))?);
+//!     }
+//!     let mesh = cuboid([2, 2, 2], [1.0; 3])?;
+//!     let (mut field, _) =
+//!         ScaleField::<_, Sparse>::new((&scales, BodySolve::Root, Some(when)), (), materials(), &mesh)?;
+//!     field.couple()?;
+//!     let responses = evaluate(&mut field)?; // updates the field three times
+//!     let migrations = field.take_balance().migrations;
+//!     assert!(migrations[0].units > 0 && migrations[0].max_over_mean[1] < 1.3, "{migrations:?}");
+//!
+//!     let (mut in_one_process, _) = TissueField::<Sparse>::new((), materials(), &mesh)?;
+//!     assert_eq!(responses, evaluate(&mut in_one_process)?);
+//!     Ok(())
+//! })?;
+//! # Ok::<(), thread::Failed>(())
+//! ```
 
 mod balance;
 mod channels;
@@ -43,7 +120,7 @@ mod shard;
 
 use thiserror::Error;
 
-pub use balance::{BalanceParams, BalanceReport, MigrationReport, PlannerName, WeightsName, When};
+pub use balance::{BalanceParams, BalanceReport, MigrationReport, PlannerName, RveWeights, WeightsName, When};
 pub use follower::follow;
 pub use macro_side::ScaleField;
 pub use micro_proxy::BodySolve;

@@ -123,11 +123,11 @@ impl<C: Ranks> Job for MacroRank<'_, C> {
         let case = run.case.clone();
         let hints = CaseHints::of(&case);
         let (rank, ranks) = (scales.comm().rank(), scales.comm().size());
-        let balance = case.scales.balance;
+        let balances = case.scales.balance.map(|balance| balance.when);
         let divides = body_solve == BodySolve::Distributed && ranks > 1;
         let among = divides.then_some(BodyRanks { rank, ranks });
         let setup = Setup::<B, ScaleField<'_, C, B::Micro>>::with_material(context, case, among, |materials, mesh| {
-            ScaleField::new((scales, body_solve, balance), (), materials, mesh)
+            ScaleField::new((scales, body_solve, balances), (), materials, mesh)
         });
         let setup = setup.map_err(|error| not_set_up(&hints, error));
         let mut setup = match agreed(world, setup)? {

@@ -10,6 +10,9 @@ use super::{Planner, plan_if_better};
 /// reference text. The largest load is the least that intervals allow, to 1e-4 of the mean; within this limit, the
 /// intervals end as near as possible to equal shares of the total weight. Cost: O(n + p log n) for n units on p ranks.
 ///
+/// A rank may get no unit, also where another plan with the same largest load would give it one: a unit heavier than two
+/// mean loads takes the shares of its neighbors. The weights 5, 5, 1, 1 and 1 on four ranks become (5), (), (5), (1, 1, 1).
+///
 /// Reference: A. Pınar, C. Aykanat, *Fast optimal load balancing algorithms for 1D partitioning*, Journal of Parallel
 /// and Distributed Computing 64 (2004), 974-996.
 #[derive(Clone, Copy, Debug, Default)]

@@ -130,6 +130,22 @@ mod tests {
         assert_eq!(relabel(&parts, &[0, 0, 0, 0, 0, 0], &[1.0, 1.0, 2.0, 2.0, 1.0, 1.0], 3), [2, 2, 0, 0, 1, 1]);
     }
 
+    /// A heavy unit leaves the other ranks to all others, and no rank is empty without need.
+    #[test]
+    fn few_or_heavy_units_are_divided_among_all_ranks() {
+        let most = |weights: &[Vec<f64>]| {
+            let loads = Loads::new(weights).unwrap();
+            let after = loads.after(&Metis::default().plan(&loads).unwrap()).unwrap();
+            after.sums().into_iter().fold(0.0, f64::max)
+        };
+        let crowded = |own: Vec<f64>, ranks: usize| -> Vec<Vec<f64>> {
+            std::iter::once(own).chain((1..ranks).map(|_| Vec::new())).collect()
+        };
+        assert_eq!(most(&crowded(vec![3.0, 1.0, 2.0], 8)), 3.0);
+        assert_eq!(most(&crowded([vec![50.0], vec![1.0; 70]].concat(), 8)), 50.0);
+        assert!(most(&crowded([vec![1e6; 4], vec![1.0; 4]].concat(), 4)) <= 1.02e6);
+    }
+
     #[test]
     fn units_of_a_group_stay_together() {
         // Group 0 is too heavy for one rank; its lightest units join the other group.

@@ -113,6 +113,91 @@ fn compare(make: Make) {
     }
 }
 
+/// A solver that reports the gradients of its RVEs, in their order, and leaves all of them.
+struct Reporting(mpsc::Sender<Vec<Matrix3<f64>>>);
+
+impl BatchSolver for Reporting {
+    fn solve(
+        &mut self,
+        _: &mut [&mut Rve],
+        targets: &[Matrix3<f64>],
+        _: &EquilibriumParams,
+        _: &(dyn Fn(usize) + Sync),
+    ) -> Result<Vec<Option<BatchEquilibrium>>, String> {
+        self.0.send(targets.to_vec()).unwrap();
+        Ok(vec![None; targets.len()])
+    }
+
+    fn converge_to(&mut self, from: &[&Rve], _: &[&Rve], _: &EquilibriumParams) -> Result<Vec<bool>, String> {
+        Ok(vec![false; from.len()])
+    }
+}
+
+/// The expected iterations order the RVEs of a batch, and the expected seconds those that are solved one by one.
+#[test]
+fn the_longest_rves_come_first() {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();
+    pool.install(|| {
+        let mut field = field(true);
+        let (sender, reports) = mpsc::channel();
+        let reporting = move |_: &_| Some(Box::new(Reporting(sender.clone())) as Box<dyn BatchSolver>);
+        field.solve_in_batches(|model| Ok::<_, ()>(reporting(model))).unwrap();
+        let targets = [1, 2].map(|seed| gradients(0.01, seed));
+        field.update(&targets[0], &mut PointResponses::default()).unwrap();
+        assert!(reports.recv().unwrap() == targets[0], "all RVEs are new");
+        for (number, history) in field.units.histories.iter_mut().enumerate() {
+            history.smooth_iterations = (7 * number % ELEMENTS) as f64;
+            history.seconds = 1e-3 * (1 + 11 * number % ELEMENTS) as f64;
+            history.smooth_seconds = history.seconds.ln();
+        }
+        field.units.histories[5].sweeps = 0;
+        let mut by_seconds: Vec<usize> = (0..ELEMENTS).filter(|&number| number != 5).collect();
+        by_seconds.sort_by_key(|&number| std::cmp::Reverse(11 * number % ELEMENTS));
+        by_seconds.insert(0, 5);
+        assert_eq!(field.units.expected_order().longest_first(), by_seconds);
+        field.update(&targets[1], &mut PointResponses::default()).unwrap();
+        let mut by_iterations: Vec<usize> = (0..ELEMENTS).filter(|&number| number != 5).collect();
+        by_iterations.sort_by_key(|&number| std::cmp::Reverse(7 * number % ELEMENTS));
+        by_iterations.insert(0, 5);
+        let expected: Vec<Matrix3<f64>> = by_iterations.into_iter().map(|number| targets[1][number]).collect();
+        assert!(reports.recv().unwrap() == expected);
+    });
+}
+
+/// Groups of lanes hold other RVEs in another order, and the last group is not full.
+#[test]
+fn lanes_give_the_same_bits_in_any_order() {
+    let solved = |threads, expect: fn(usize) -> usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let mut field = field(true);
+            let lanes = |model: &_| LaneBatch::new(model, true).map(|batch| Box::new(batch) as Box<dyn BatchSolver>);
+            field.solve_in_batches(|model| Ok::<_, ()>(lanes(model))).unwrap();
+            let (mut out, mut all, mut targets) = (PointResponses::default(), Vec::new(), gradients(0.02, 1));
+            for seed in 2..5 {
+                for (number, history) in field.units.histories.iter_mut().enumerate() {
+                    history.smooth_iterations = expect(number) as f64;
+                }
+                field.update(&targets, &mut out).unwrap();
+                all.push(out.clone());
+                let next = gradients(0.02 * seed as f64, seed);
+                targets[..ELEMENTS - 5].copy_from_slice(&next[..ELEMENTS - 5]);
+            }
+            let in_batches = field.take_stats().in_batches;
+            let fibers = field.units.units.iter().filter_map(|unit| unit.fibers.as_ref());
+            let positions: Vec<_> = fibers.map(|fibers| fibers.current.interior().to_vec()).collect();
+            (all, positions, in_batches)
+        })
+    };
+    let expected = solved(1, |_| 0);
+    for threads in [1, 3] {
+        let expects: [fn(usize) -> usize; 2] = [|number| 7 * number % ELEMENTS, |number| number];
+        for expect in expects {
+            assert!(solved(threads, expect) == expected, "{threads} threads");
+        }
+    }
+}
+
 /// A solver whose device fails.
 struct Broken;
 
