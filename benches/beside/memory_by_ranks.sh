@@ -23,7 +23,6 @@ trap 'rm -r "$folder"' EXIT
 write_case() { # write_case CELLS MACRO_RANKS
     write_box "$folder/box.toml" "$1"
     cat >>"$folder/box.toml" <<CASE
-[newton]
 tolerance = 1e-11
 solver = { method = "cg", preconditioner = "multigrid" }
 [scales]
@@ -55,15 +54,9 @@ for macro in "${numbers[@]}"; do
     memory=$(run_on "$cells" "$macro")
     wall=$(awk -v start="$start" -v end="$(date +%s.%N)" 'BEGIN { print end - start }')
     cp "$folder/out/loads.csv" "$folder/loads.$macro"
-    paste -d '\n' "$folder/loads.${numbers[0]}" "$folder/loads.$macro" | tail -n 2 | tr ',' ' ' | awk \
-        -v cells="$cells" -v macro="$macro" -v memory="$memory" -v libraries="$libraries" -v wall="$wall" '
-        NR == 1 { for (i = 1; i <= NF; i++) one[i] = $i }
-        NR == 2 {
-            for (i = 3; i <= NF; i++) {
-                size = one[i] < 0 ? -one[i] : one[i]; if (size > most) most = size
-                error = $i - one[i]; if (error < 0) error = -error; if (error > worst) worst = error
-            }
-            printf "%d cells, %d ranks: %5.0f MB, %5.0f MB without libraries, %6.1f s, difference %.1e\n",
-                cells, macro, memory / 1000, (memory - libraries) / 1000, wall, worst / most
-        }'
+    difference=$(force_difference "$folder/loads.${numbers[0]}" "$folder/loads.$macro")
+    awk -v cells="$cells" -v macro="$macro" -v memory="$memory" -v libraries="$libraries" -v wall="$wall" \
+        -v difference="$difference" 'BEGIN {
+            printf "%d cells, %d ranks: %5.0f MB, %5.0f MB without libraries, %6.1f s, difference %s\n",
+                cells, macro, memory / 1000, (memory - libraries) / 1000, wall, difference }'
 done

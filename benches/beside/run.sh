@@ -1,9 +1,12 @@
 #!/usr/bin/env bash
 # Runs a neo-Hookean cube, clamped at x = 0 and moved by 0.3 at x = 1 in three load steps, by this program on one and two
-# threads and by dolfinx, and prints processor and wall seconds and the peak memory of each. The arguments are numbers of
-# cells along a side; by default 20 and 40.
+# threads, with and without fields up to 40 cells, and by dolfinx, and prints processor and wall seconds and the peak memory of
+# each. Prints also the iterations of conjugate gradients to 1e-8 for the first linear system, those of dolfinx as
+# `first_linear`. One and two threads have to write the same loads. The arguments are numbers of cells along a side; by
+# default 20 and 40.
 #
-# Needs Debian's python3-dolfinx-real and the command `time`. PYTHON is the interpreter that imports dolfinx.
+# Needs Debian's python3-dolfinx-real and the command `time`. PYTHON is the interpreter that imports dolfinx; BIOTISSUE is the
+# program, by default a new release build.
 set -euo pipefail
 cd "$(dirname "$0")"
 source box.sh
@@ -11,8 +14,10 @@ source box.sh
 python=${PYTHON:-/usr/bin/python3}
 # One thread for the libraries of dolfinx.
 export OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1
-(cd ../.. && cargo build --quiet --release)
-program=${CARGO_TARGET_DIR:-$PWD/../../target}/release/biotissue
+if [ -z "${BIOTISSUE:-}" ]; then
+    (cd ../.. && cargo build --quiet --release)
+fi
+program=${BIOTISSUE:-${CARGO_TARGET_DIR:-$PWD/../../target}/release/biotissue}
 folder=$(mktemp -d)
 trap 'rm -r "$folder"' EXIT
 
@@ -32,8 +37,23 @@ fi
 for cells in "$@"; do
     write_box "$folder/box.toml" "$cells"
     for threads in 1 2; do
-        measured "$cells cells, biotissue, $threads thread(s)" "$program" run "$folder/box.toml" --threads "$threads"
+        measured "$cells cells, biotissue, $threads thread(s)" \
+            "$program" run "$folder/box.toml" --threads "$threads" --out "$folder/threads-$threads"
     done
+    cmp "$folder/threads-1/loads.csv" "$folder/threads-2/loads.csv"
+    if [ "$cells" -le 40 ]; then
+        write_box "$folder/fields.toml" "$cells" 1
+        for threads in 1 2; do
+            measured "$cells cells, with fields, $threads thread(s)" \
+                "$program" run "$folder/fields.toml" --threads "$threads" --out "$folder/fields-$threads"
+        done
+        for fields in "$folder"/fields-1/*.vtu; do cmp "$fields" "$folder/fields-2/${fields##*/}"; done
+    fi
+    # Without this tolerance, linear systems are solved only as far as Newton's method needs.
+    echo 'solver = { method = "cg", preconditioner = "multigrid", tolerance = 1e-8 }' >>"$folder/box.toml"
+    "$program" run "$folder/box.toml" --out "$folder/fixed" >"$folder/output" 2>&1
+    first=$(grep -o '"linear_starts":\[{"iterations":[0-9]*' "$folder/fixed/log.jsonl" | head -n 1)
+    echo "$cells cells, biotissue: ${first##*:} iterations for the first linear system"
     measured "$cells cells, dolfinx, CG with GAMG" "$python" box_dolfinx.py "$cells"
     grep '^{' "$folder/output" || true
 done

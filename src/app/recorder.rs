@@ -317,7 +317,8 @@ impl Recorder<'_> {
         let stats = step.field.take_stats();
         let total = std::mem::replace(&mut self.started, std::time::Instant::now()).elapsed().as_secs_f64();
         let mut newton = newton_log(&step.report.solves, step.report.seconds(), total);
-        newton.linear_iterations += step.report.linearized_iterations;
+        newton.linear_starts = step.report.linearized_solves.iter().map(linear_log).collect();
+        newton.linear_iterations += newton.linear_starts.iter().map(|solve| solve.iterations).sum::<usize>();
         newton.fallbacks = step.report.fallbacks();
         let line = Step {
             step: step.step,
@@ -390,6 +391,7 @@ fn newton_log(reports: &[NewtonReport], seconds: las::NewtonSeconds, total: f64)
         },
         linear_iterations: sum(|report| report.linear_iterations),
         linear: reports.iter().flat_map(|report| &report.linear_solves).map(linear_log).collect(),
+        linear_starts: Vec::new(),
         fallbacks: sum(|report| report.fallbacks),
         seconds: NewtonSeconds {
             point_field: seconds.residual,

@@ -158,6 +158,7 @@ fn newton(step: usize) -> NewtonLog {
         factorizations: Factorizations { cholesky: 3, ..Factorizations::default() },
         linear_iterations: 0,
         linear: Vec::new(),
+        linear_starts: Vec::new(),
         fallbacks: 0,
         seconds: NewtonSeconds {
             point_field: 9.0 + step as f64 / 3.0,

@@ -99,6 +99,43 @@ pub fn twisted(material: &str, mesh: &str) -> String {
     )
 }
 
+/// Writes `inclined.msh`: a box that is turned about z.
+pub fn write_inclined_box(folder: &Path, cells: [usize; 3]) {
+    let mesh = shapes::cuboid(cells, [1.0, 0.7, 0.5]).unwrap();
+    let (sin, cos) = 0.5_f64.sin_cos();
+    let nodes = mesh.nodes().iter().map(|&[x, y, z]| [cos * x - sin * y, sin * x + cos * y, z]).collect();
+    let (elements, regions) = (mesh.elements().clone(), mesh.regions().to_vec());
+    let mesh = Mesh::new(nodes, elements, mesh.region_of().to_vec(), regions, mesh.surfaces().to_vec()).unwrap();
+    gmsh::write(&folder.join("inclined.msh"), &mesh).unwrap();
+}
+
+/// The box of [`write_inclined_box`] on two inclined planes of symmetry, pulled and sheared.
+pub fn inclined(material: &str) -> String {
+    format!(
+        r#"
+        [mesh]
+        file = "inclined.msh"
+        [[region]]
+        name = "*"
+        material = {material}
+        [[boundary]]
+        surface = "x0"
+        symmetry = true
+        [[boundary]]
+        surface = "y0"
+        symmetry = true
+        [[boundary]]
+        surface = "z0"
+        displacement = {{ z = 0.0 }}
+        [[boundary]]
+        surface = "x1"
+        traction = [200.0, 90.0, 30.0]
+        [steps]
+        count = 2
+        "#
+    )
+}
+
 #[test]
 fn a_twisted_bar_does_not_depend_on_ranks_rves_or_interruptions() {
     for element in ["tet4", "hex8"] {

@@ -553,13 +553,8 @@ pub mod processes {
         let tolerance = "[newton]\ntolerance = 1e-12\n";
         let generate = "generate = { shape = \"box\", cells = [4, 2, 2], size = [1.0, 0.5, 0.5] }";
         let twisted = crate::loads::twisted(material, generate) + tolerance;
-        inclined_box(&folder.path().join("inclined.msh"));
-        let inclined = format!(
-            "[mesh]\nfile = \"inclined.msh\"\n[[region]]\nname = \"*\"\nmaterial = {material}\n\
-             [[boundary]]\nsurface = \"x0\"\nsymmetry = true\n[[boundary]]\nsurface = \"y0\"\nsymmetry = true\n\
-             [[boundary]]\nsurface = \"z0\"\ndisplacement = {{ z = 0.0 }}\n\
-             [[boundary]]\nsurface = \"x1\"\ntraction = [200.0, 90.0, 30.0]\n[steps]\ncount = 2\n{tolerance}"
-        );
+        crate::loads::write_inclined_box(folder.path(), [3, 2, 2]);
+        let inclined = crate::loads::inclined(material) + tolerance;
         for text in [twisted, inclined] {
             run(folder.path(), &text, "--out alone --backend sparse").done();
             let alone = read(folder.path(), "alone/loads.csv");
@@ -569,18 +564,6 @@ pub mod processes {
                 assert_same_to_rounding(&read(folder.path(), "shared/loads.csv"), &alone);
             }
         }
-    }
-
-    /// Writes a box that is turned about z.
-    #[cfg(feature = "petsc")]
-    fn inclined_box(path: &Path) {
-        use biotissue::fem::mesh::{Mesh, gmsh, shapes};
-        let mesh = shapes::cuboid([3, 2, 2], [1.0, 0.7, 0.5]).unwrap();
-        let (sin, cos) = 0.5_f64.sin_cos();
-        let nodes = mesh.nodes().iter().map(|&[x, y, z]| [cos * x - sin * y, sin * x + cos * y, z]).collect();
-        let (elements, regions) = (mesh.elements().clone(), mesh.regions().to_vec());
-        let mesh = Mesh::new(nodes, elements, mesh.region_of().to_vec(), regions, mesh.surfaces().to_vec()).unwrap();
-        gmsh::write(path, &mesh).unwrap();
     }
 
     /// Checks that forces agree to 1e-10 of the largest force of their step, and likewise areas, displacements,

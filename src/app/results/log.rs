@@ -185,6 +185,10 @@ pub struct NewtonLog {
     /// The iterations and the relative residual of each of its solutions within Newton's method.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub linear: Vec<LinearLog>,
+    /// The same of each of its solutions in a linearized start, those of failed attempts included; absent in logs of earlier
+    /// versions.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub linear_starts: Vec<LinearLog>,
     /// Number of systems that an iterative linear solver did not solve and a direct one did.
     pub fallbacks: usize,
     /// Wall time of the phases.

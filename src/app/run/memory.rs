@@ -22,6 +22,8 @@ pub struct MemoryForecast {
     pub system: usize,
     /// All of them, and the program itself.
     pub total: usize,
+    /// What the factor of a direct solver takes in addition if the solver replaces an iterative one that fails.
+    pub fallback: usize,
 }
 
 /// Bytes of the program with the default features before it reads a case, and what the allocator holds for small arrays.
@@ -47,13 +49,15 @@ impl MemoryForecast {
     /// Forecasts the memory of a body with this material and linear system, on this number of threads.
     pub(super) fn new(field: &impl TissueMaterial, mesh: &Mesh, system: &LinearSystem, threads: usize) -> Self {
         let unknowns = system.unknowns.free() as f64;
-        let of_system = match system.solver.method {
-            Method::Direct => DIRECT * unknowns + FACTOR * (unknowns * system.operations).sqrt(),
-            Method::Iterative(_) => WITH_MULTIGRID * unknowns,
+        let factor = FACTOR * (unknowns * system.operations).sqrt();
+        let (of_system, fallback) = match system.solver.method {
+            Method::Direct => (DIRECT * unknowns + factor, 0.0),
+            Method::Iterative(_) => (WITH_MULTIGRID * unknowns, if system.solver.fallback { factor } else { 0.0 }),
         };
         let (rves, networks) = (field.rve_bytes(), of_networks(field.library(), threads));
         let (points, system) = (2 * POINT * mesh.whole().points, of_system as usize);
-        Self { rves, networks, points, system, total: PROGRAM + rves + networks + points + system }
+        let total = PROGRAM + rves + networks + points + system;
+        Self { rves, networks, points, system, total, fallback: fallback as usize }
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::IncrementControl;
 use crate::fem::equilibrium::LinearizedStart;
-use crate::las::{NewtonParams, NewtonReport, NewtonSeconds, SolverParams};
+use crate::las::{NewtonParams, NewtonReport, NewtonSeconds, SolveReport, SolverParams};
 
 /// Parameters of load stepping.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -91,10 +91,8 @@ pub struct StepReport {
     pub linearized: usize,
     /// Time of the linearized starts by phase.
     pub linearized_seconds: NewtonSeconds,
-    /// Number of iterations of an iterative solver in the linearized starts.
-    pub linearized_iterations: usize,
-    /// Number of systems of linearized starts that the iterative solver did not solve and a direct one did.
-    pub linearized_fallbacks: usize,
+    /// The solutions of the linear systems of linearized starts by an iterative solver.
+    pub linearized_solves: Vec<SolveReport>,
 }
 
 impl StepReport {
@@ -123,14 +121,15 @@ impl StepReport {
     /// failed attempts and linearized starts together.
     pub fn fallbacks(&self) -> usize {
         let attempts = self.solves.iter().chain(&self.failures).map(|report| report.fallbacks);
-        attempts.sum::<usize>() + self.linearized_fallbacks
+        attempts.chain(self.linearized_solves.iter().map(|solve| solve.fallbacks)).sum()
     }
 
     pub(super) fn add_linearized(&mut self, start: &LinearizedStart) {
         self.linearized += 1;
         self.linearized_seconds = add(self.linearized_seconds, start.seconds);
-        self.linearized_iterations += start.solve.iterations;
-        self.linearized_fallbacks += start.solve.fallbacks;
+        if start.solve != SolveReport::DIRECT {
+            self.linearized_solves.push(start.solve);
+        }
     }
 }
 

@@ -173,3 +173,6 @@ fn levels(pattern: &Sparsity, start: usize, visited: &mut [bool]) -> Vec<Vec<u32
     }
     levels
 }
+
+#[cfg(test)]
+mod tests;

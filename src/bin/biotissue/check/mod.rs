@@ -232,6 +232,12 @@ impl Plan {
             megabytes(memory.points),
             megabytes(memory.system)
         ));
+        if memory.fallback > 0 {
+            lines.push(format!(
+                "           {} MB more if a direct solver replaces the iterative one",
+                megabytes(memory.fallback)
+            ));
+        }
         let plural = if self.threads == 1 { "" } else { "s" };
         lines.push(format!("ranks      {}, with {} thread{plural}", self.ranks, self.threads));
         lines.push(format!("results    {}", self.directory.display()));
