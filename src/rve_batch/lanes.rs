@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::{OfModel, network_data, rows};
 use crate::backends::networks::lanes::{LaneStart, Level, NetworkLanes};
 use crate::backends::networks::{BatchParams, Status};
-use crate::fiber::batch::{BatchEquilibrium, BatchSolver};
+use crate::fiber::batch::{BatchEquilibrium, BatchProgress, BatchSolver};
 use crate::fiber::equilibrium::EquilibriumParams;
 use crate::fiber::rve::{Rve, RveModel};
 use crate::las::RealBackend;
@@ -68,7 +68,7 @@ impl LaneBatch {
         targets: &[Matrix3<f64>],
         params: &EquilibriumParams,
     ) -> Vec<Option<BatchEquilibrium>> {
-        self.solve_with_progress(rves, targets, params, &|_| ())
+        self.solve_with_progress(rves, targets, params, &())
     }
 
     fn solve_with_progress(
@@ -76,15 +76,17 @@ impl LaneBatch {
         rves: &mut [&mut Rve],
         targets: &[Matrix3<f64>],
         params: &EquilibriumParams,
-        progress: &(dyn Fn(usize) + Sync),
+        progress: &dyn BatchProgress,
     ) -> Vec<Option<BatchEquilibrium>> {
         assert_eq!(rves.len(), targets.len(), "one target for each RVE");
         let Some(params) = self.of_model.params(params) else { return vec![None; rves.len()] };
         let lanes = self.lanes.lanes();
-        let groups = rves.par_chunks_mut(lanes).zip(targets.par_chunks(lanes));
-        let solve_group = |(rves, targets)| {
+        let groups = rves.par_chunks_mut(lanes).zip(targets.par_chunks(lanes)).enumerate();
+        let solve_group = |(group, (rves, targets))| {
+            let first = group * lanes;
+            progress.begin(first);
             let solved = self.solve_group(rves, targets, &params);
-            progress(solved.iter().flatten().count());
+            progress.end(first, solved.iter().flatten().count());
             solved
         };
         groups.flat_map_iter(solve_group).collect()
@@ -164,7 +166,7 @@ impl BatchSolver for LaneBatch {
         rves: &mut [&mut Rve],
         targets: &[Matrix3<f64>],
         params: &EquilibriumParams,
-        progress: &(dyn Fn(usize) + Sync),
+        progress: &dyn BatchProgress,
     ) -> Result<Vec<Option<BatchEquilibrium>>, String> {
         Ok(self.solve_with_progress(rves, targets, params, progress))
     }
