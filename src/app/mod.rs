@@ -28,5 +28,5 @@ mod rve_files;
 mod stress;
 pub mod vtu;
 
-pub use plausibility::{FloppyNetworks, LoadOf, LoadSize};
+pub use plausibility::{Examination, FloppyNetworks, LoadOf, LoadSize};
 pub use recorder::Progress;

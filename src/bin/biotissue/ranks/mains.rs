@@ -2,6 +2,7 @@
 
 use std::sync::OnceLock;
 
+use biotissue::app::Examination;
 use biotissue::app::case::Case;
 use biotissue::app::macro_scale;
 use biotissue::app::material_fields;
@@ -148,7 +149,10 @@ impl<C: Ranks> Job for MacroRank<'_, C> {
             Err(failure) => return Ok(Err(failure)),
         };
         let is_root = scales.comm().rank() == 0;
-        output::warn(if is_root { setup.warnings() } else { &[] });
+        if is_root {
+            output::warn(setup.warnings());
+            output::warn(&setup.floppy_networks(Examination::Quick).warnings);
+        }
         setup.material_mut().receive_progress(progress).map_err(|error| ranks_failed(&error))?;
         setup.material_mut().couple().map_err(|error: TwoScaleError| ranks_failed(&error))?;
         let broken = setup.material_mut().broken();
