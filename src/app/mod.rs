@@ -17,6 +17,7 @@ mod formula_fibers;
 pub mod macro_scale;
 pub mod material_fields;
 pub mod mesh_files;
+mod nodal_fields;
 mod plausibility;
 mod rank_shares;
 mod recorder;

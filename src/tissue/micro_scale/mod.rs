@@ -109,6 +109,16 @@ pub trait TissueMaterial: PointField<Error = TissueFieldError> {
     /// to know it.
     fn progress_source(&self) -> Option<ProgressSource>;
 
+    /// In a divided body, replaces the values at the nodes that belong to other ranks by theirs: `width` numbers for each
+    /// node of the part. Collective over the ranks of the body.
+    ///
+    /// # Errors
+    /// Returns [`TissueFieldError`] if communication fails.
+    fn share_at_nodes(&self, mesh: &Mesh, width: usize, values: &mut [f64]) -> Result<(), TissueFieldError> {
+        let _ = (mesh, width, values);
+        Ok(())
+    }
+
     /// Returns the RVE that made the last update fail; a second call returns `None`.
     fn take_failed_rve(&self) -> Option<FailedRve>;
 

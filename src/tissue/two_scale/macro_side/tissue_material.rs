@@ -15,7 +15,7 @@ use crate::fem::mesh::Mesh;
 use crate::las::{Comm, RealBackend};
 use crate::tissue::micro_scale::{
     DeformedNetwork, FailedRve, FieldRestoreError, Library, Piece, PieceError, PointSummary, ProgressSource, RveCost,
-    RveCounts, RveStats, SavedSites, Sites, TissueMaterial, check_count,
+    RveCounts, RveStats, SavedSites, Sites, TissueFieldError, TissueMaterial, check_count,
 };
 
 impl<C: Comm, B: RealBackend> TissueMaterial for ScaleField<'_, C, B> {
@@ -54,6 +54,11 @@ impl<C: Comm, B: RealBackend> TissueMaterial for ScaleField<'_, C, B> {
 
     fn take_costs(&self) -> Vec<Vec<RveCost>> {
         std::mem::take(&mut self.reports.costs.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    fn share_at_nodes(&self, mesh: &Mesh, width: usize, values: &mut [f64]) -> Result<(), TissueFieldError> {
+        let (Some(divided), Some(part)) = (&self.divided, mesh.part()) else { return Ok(()) };
+        Ok(self.record_error(divided.share_at_nodes(mesh, part, width, values))?)
     }
 
     fn progress_source(&self) -> Option<ProgressSource> {
