@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # Checks published networks, which must all be accepted, and runs the published ligament.
 #
-# BIOTISSUE_MUMFIM_CASES names a folder with MuMFiM's public test cases: every network in it is checked. BIOTISSUE_NETWORKS
+# BIOTISSUE_MUMFIM_CASES names a folder with MuMFiM's public test cases: every network and every mesh of a known format in it is
+# read. BIOTISSUE_NETWORKS
 # names the folder with the ligament (ligament/): all its networks are checked, and its body is run with two of the 50 load
 # steps, or as many as the argument says. A folder that is not named is skipped, with a message.
 set -euo pipefail
@@ -39,8 +40,33 @@ check_networks() { # check_networks FOLDER
     fi
 }
 
+# Reads each mesh, with one material for all of it and supports against rigid-body motions.
+check_meshes() { # check_meshes FOLDER
+    local count=0
+    while IFS= read -r -d '' file; do
+        count=$((count + 1))
+        cat >"$folder/mesh.toml" <<CASE
+[body]
+free = "rigid"
+[mesh]
+file = "$file"
+[[region]]
+name = "*"
+material = { model = "neo-hookean", youngs_modulus = 1.0e6, poisson_ratio = 0.3 }
+CASE
+        if "$program" check "$folder/mesh.toml" >"$folder/output" 2>"$folder/error"; then
+            sed -n "s|^mesh  *|$(basename "$file"): |p" "$folder/output"
+        else
+            refused=$((refused + 1))
+            sed "s|^|refused: |" "$folder/error"
+        fi
+    done < <(find "$1" -type f \( -name '*.msh' -o -name '*.vtu' -o -name '*.inp' -o -name '*.mesh' -o -name '*.feb' \) -print0 | sort -z)
+    echo "$1: $count meshes of known formats"
+}
+
 if [ -n "${BIOTISSUE_MUMFIM_CASES:-}" ]; then
     check_networks "$BIOTISSUE_MUMFIM_CASES"
+    check_meshes "$BIOTISSUE_MUMFIM_CASES"
 else
     echo "skipped: BIOTISSUE_MUMFIM_CASES names no folder with MuMFiM's public test cases"
 fi

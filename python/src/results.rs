@@ -172,13 +172,21 @@ impl PyResults {
     #[pyo3(signature = (step = None))]
     fn fields<'py>(&self, py: Python<'py>, step: Option<usize>) -> PyResult<Bound<'py, PyDict>> {
         let entry = self.directory.field_file(step).map_err(|error| report_error(&error))?;
-        let Fields { point_vectors, cell_scalars, cell_integers, cell_vectors, cell_tensors, .. } =
-            self.read(py, entry)?;
+        let Fields {
+            point_scalars,
+            point_vectors,
+            point_tensors,
+            cell_scalars,
+            cell_integers,
+            cell_vectors,
+            cell_tensors,
+            ..
+        } = self.read(py, entry)?;
         let fields = PyDict::new(py);
         for (name, values) in point_vectors.iter().chain(&cell_vectors) {
             fields.set_item(name, array_of_rows(py, values)?)?;
         }
-        for (name, values) in cell_scalars {
+        for (name, values) in point_scalars.into_iter().chain(cell_scalars) {
             let shape = [values.len()];
             fields.set_item(name, array(py, values, &shape)?)?;
         }
@@ -186,7 +194,7 @@ impl PyResults {
             let shape = [values.len()];
             fields.set_item(name, array(py, values, &shape)?)?;
         }
-        for (name, values) in cell_tensors {
+        for (name, values) in point_tensors.into_iter().chain(cell_tensors) {
             let shape = [values.len(), 3, 3];
             fields.set_item(name, array(py, values.into_flattened(), &shape)?)?;
         }

@@ -8,6 +8,7 @@ use super::case::Case;
 use super::cell_fields::CellFields;
 use super::derived_fields::{green_lagrange_strain, principal_stresses, principal_stretches};
 use super::formula_fibers::FormulaFibers;
+use super::nodal_fields::{NodalFields, is_needed};
 use super::results::collection::{field_file, index_file, partial, point_file, point_index_file};
 use super::results::{
     FieldSet, PointCloud, ResultsError, part_file, piece_index, point_piece_index, write_piece, write_pieces,
@@ -131,10 +132,19 @@ impl FieldFiles {
         let Some(part) = of.mesh.part() else { return Ok(PieceIndex::default()) };
         let names = self.names(of);
         let values = self.at_points(of);
-        let points = match &names.points {
+        let cloud = names.points.as_ref().map(|_| self.cloud(of, &values));
+        let own: Vec<u32> = part.own_elements().map(|element| element as u32).collect();
+        let path = self.dir.join(part_file(&names.fields, part.rank));
+        let fields = self.with_fields(of, values, |fields| {
+            if !own.is_empty() {
+                write_piece(&path, &own, fields)?;
+            }
+            piece_index(&sources(&names.fields, part), fields)
+                .map_err(ResultsError::write(&self.dir.join(&names.fields)))
+        })?;
+        let points = match names.points.iter().zip(cloud).next() {
             None => None,
-            Some(file) => {
-                let cloud = self.cloud(of, &values);
+            Some((file, cloud)) => {
                 let own = of.mesh.own_points();
                 let own: Vec<u32> = (0..own.len() as u32).filter(|&point| own[point as usize]).collect();
                 let cloud = cloud.select(&own);
@@ -147,15 +157,6 @@ impl FieldFiles {
                 )
             }
         };
-        let own: Vec<u32> = part.own_elements().map(|element| element as u32).collect();
-        let path = self.dir.join(part_file(&names.fields, part.rank));
-        let fields = self.with_fields(of, values, |fields| {
-            if !own.is_empty() {
-                write_piece(&path, &own, fields)?;
-            }
-            piece_index(&sources(&names.fields, part), fields)
-                .map_err(ResultsError::write(&self.dir.join(&names.fields)))
-        })?;
         Ok(PieceIndex { fields, points })
     }
 
@@ -208,15 +209,14 @@ impl FieldFiles {
         cloud
     }
 
-    /// Returns a field that follows from tensors, if it is selected.
+    /// Returns a field that follows from tensors, if it or its average at the nodes is selected.
     fn derived<const N: usize>(
         &self,
         name: &'static str,
         tensors: &[[f64; 9]],
         value: impl Fn(&[f64; 9]) -> [f64; N] + Sync + Send,
     ) -> Option<(&'static str, Vec<[f64; N]>)> {
-        let is_selected = self.names.contains(&name);
-        is_selected.then(|| (name, parallel::collect(tensors.len(), |at| value(&tensors[at]))))
+        is_needed(name, &self.names).then(|| (name, parallel::collect(tensors.len(), |at| value(&tensors[at]))))
     }
 
     /// Passes the selected fields of the elements to `write`.
@@ -258,10 +258,16 @@ impl FieldFiles {
                 ("deformation_gradient", &cells.gradient),
                 ("fiber_orientation", &cells.orientation),
             ],
+            ..FieldSet::default()
         };
         fields.cell_tensors.extend(strain.iter().map(|(name, values)| (*name, values.as_slice())));
         fields.cell_vectors.extend(stretches.iter().chain(&stresses).map(|(name, values)| (*name, values.as_slice())));
+        // In a divided body, all ranks take part, and none has written a file that may have failed.
+        let share = |width: usize, values: &mut [f64]| field.share_at_nodes(mesh, width, values);
+        let nodal = NodalFields::of(&fields, &self.names, share);
+        let nodal = nodal.map_err(|error| ResultsError::OtherRank(error.to_string()))?;
         fields.retain(|name| self.names.contains(&name));
+        nodal.add_to(&mut fields);
         write(&fields)
     }
 }

@@ -17,6 +17,7 @@ mod formula_fibers;
 pub mod macro_scale;
 pub mod material_fields;
 pub mod mesh_files;
+mod nodal_fields;
 mod plausibility;
 mod rank_shares;
 mod recorder;
@@ -28,5 +29,5 @@ mod rve_files;
 mod stress;
 pub mod vtu;
 
-pub use plausibility::{FloppyNetworks, LoadOf, LoadSize};
+pub use plausibility::{Examination, FloppyNetworks, LoadOf, LoadSize};
 pub use recorder::Progress;

@@ -16,8 +16,8 @@ use crate::app::case::{Case, Formula, RegionMaterial, RigidCase, RveScale, Stres
 use crate::fem::mesh::Mesh;
 use crate::las::RealBackend;
 use crate::tissue::micro_scale::Library;
-pub use floppy::FloppyNetworks;
 pub(super) use floppy::floppy_networks;
+pub use floppy::{Examination, FloppyNetworks};
 pub use load_size::{LoadOf, LoadSize};
 use loads::{Load, loads};
 use locking::{check_locking, greatest_poisson_ratio};

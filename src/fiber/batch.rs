@@ -23,6 +23,22 @@ pub struct BatchEquilibrium {
     pub seconds: Option<f64>,
 }
 
+/// Receives the progress of a batch, from any thread.
+pub trait BatchProgress: Sync {
+    /// The solution of a group of RVEs begins, of which the first in the batch has the number `first`.
+    fn begin(&self, first: usize);
+
+    /// The solution of the group ended, with so many of its RVEs done.
+    fn end(&self, first: usize, done: usize);
+}
+
+/// Ignores progress.
+impl BatchProgress for () {
+    fn begin(&self, _: usize) {}
+
+    fn end(&self, _: usize, _: usize) {}
+}
+
 /// Solves for the equilibria of many RVEs of one model.
 ///
 /// Whatever it solves has the result of [`equilibrate`](super::equilibrium::equilibrate) to rounding errors, and the
@@ -31,8 +47,8 @@ pub struct BatchEquilibrium {
 /// many.
 pub trait BatchSolver: Send {
     /// Brings RVEs to equilibrium at these deformation gradients, one for each. An RVE for which the result is `None` is
-    /// unchanged: it needs more than Newton's method, or its state does not belong to the model. Calls `progress` with the
-    /// numbers of RVEs that are done, from any thread.
+    /// unchanged: it needs more than Newton's method, or its state does not belong to the model. Tells `progress` of each
+    /// group of RVEs that it solves at once.
     ///
     /// # Errors
     /// Returns the reason why nothing can be solved; the RVEs are then unchanged or in equilibrium at their gradients.
@@ -41,7 +57,7 @@ pub trait BatchSolver: Send {
         rves: &mut [&mut Rve],
         targets: &[Matrix3<f64>],
         params: &EquilibriumParams,
-        progress: &(dyn Fn(usize) + Sync),
+        progress: &dyn BatchProgress,
     ) -> Result<Vec<Option<BatchEquilibrium>>, String>;
 
     /// Bytes of memory of this process for each thread that solves.

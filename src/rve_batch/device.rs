@@ -7,7 +7,7 @@ use super::{OfModel, network_data, rows};
 use crate::backends::cuda::networks::NetworkBatch;
 use crate::backends::cuda::{CudaError, Device};
 use crate::backends::networks::{BatchParams, NetworkStates, Status};
-use crate::fiber::batch::{BatchEquilibrium, BatchSolver};
+use crate::fiber::batch::{BatchEquilibrium, BatchProgress, BatchSolver};
 use crate::fiber::equilibrium::EquilibriumParams;
 use crate::fiber::rve::{Rve, RveModel, Sensitivities};
 use crate::las::RealBackend;
@@ -101,7 +101,7 @@ impl DeviceBatch {
         targets: &[Matrix3<f64>],
         params: &EquilibriumParams,
     ) -> Result<Vec<Option<BatchEquilibrium>>, CudaError> {
-        self.solve_with_progress(rves, targets, params, &|_| ())
+        self.solve_with_progress(rves, targets, params, &())
     }
 
     fn solve_with_progress(
@@ -109,7 +109,7 @@ impl DeviceBatch {
         rves: &mut [&mut Rve],
         targets: &[Matrix3<f64>],
         params: &EquilibriumParams,
-        progress: &(dyn Fn(usize) + Sync),
+        progress: &dyn BatchProgress,
     ) -> Result<Vec<Option<BatchEquilibrium>>, CudaError> {
         assert_eq!(rves.len(), targets.len(), "one target for each RVE");
         let Some(params) = self.params(params) else { return Ok(vec![None; rves.len()]) };
@@ -121,6 +121,8 @@ impl DeviceBatch {
         let of_model = self.of_model;
         let interior = of_model.interior;
         for (rves, targets) in rves.chunks_mut(at_once).zip(targets.chunks(at_once)) {
+            let first = solved.len();
+            progress.begin(first);
             self.batch.set_states(rves.len(), |states| write_states(rves, interior, states))?;
             let results = self.batch.solve(&rows_of(targets), &params)?;
             let inputs = rves.par_iter().zip(targets).enumerate();
@@ -135,7 +137,7 @@ impl DeviceBatch {
                     take_state(rve, target, interior, &states, number);
                 });
             })?;
-            progress(responses.iter().flatten().count());
+            progress.end(first, responses.iter().flatten().count());
             solved.extend(responses);
         }
         Ok(solved)
@@ -181,7 +183,7 @@ impl BatchSolver for DeviceBatch {
         rves: &mut [&mut Rve],
         targets: &[Matrix3<f64>],
         params: &EquilibriumParams,
-        progress: &(dyn Fn(usize) + Sync),
+        progress: &dyn BatchProgress,
     ) -> Result<Vec<Option<BatchEquilibrium>>, String> {
         self.solve_with_progress(rves, targets, params, progress).map_err(|error| error.to_string())
     }

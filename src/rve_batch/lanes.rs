@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::{OfModel, network_data, rows};
 use crate::backends::networks::lanes::{LaneStart, Level, NetworkLanes};
 use crate::backends::networks::{BatchParams, Status};
-use crate::fiber::batch::{BatchEquilibrium, BatchSolver};
+use crate::fiber::batch::{BatchEquilibrium, BatchProgress, BatchSolver};
 use crate::fiber::equilibrium::EquilibriumParams;
 use crate::fiber::rve::{Rve, RveModel};
 use crate::las::RealBackend;
@@ -69,7 +69,7 @@ impl LaneBatch {
         targets: &[Matrix3<f64>],
         params: &EquilibriumParams,
     ) -> Vec<Option<BatchEquilibrium>> {
-        self.solve_with_progress(rves, targets, params, &|_| ())
+        self.solve_with_progress(rves, targets, params, &())
     }
 
     fn solve_with_progress(
@@ -77,15 +77,17 @@ impl LaneBatch {
         rves: &mut [&mut Rve],
         targets: &[Matrix3<f64>],
         params: &EquilibriumParams,
-        progress: &(dyn Fn(usize) + Sync),
+        progress: &dyn BatchProgress,
     ) -> Vec<Option<BatchEquilibrium>> {
         assert_eq!(rves.len(), targets.len(), "one target for each RVE");
         let Some(params) = self.of_model.params(params) else { return vec![None; rves.len()] };
         let lanes = self.lanes.lanes();
-        let groups = rves.chunks_mut(lanes).zip(targets.chunks(lanes)).collect();
-        let solve_group = |(rves, targets): (&mut [&mut Rve], &[Matrix3<f64>])| {
+        let groups = rves.chunks_mut(lanes).zip(targets.chunks(lanes)).enumerate().collect();
+        let solve_group = |(group, (rves, targets)): (usize, (&mut [&mut Rve], &[Matrix3<f64>]))| {
+            let first = group * lanes;
+            progress.begin(first);
             let solved = self.solve_group(rves, targets, &params);
-            progress(solved.iter().flatten().count());
+            progress.end(first, solved.iter().flatten().count());
             solved
         };
         parallel::take_in_turn(groups, solve_group).into_iter().flatten().collect()
@@ -165,7 +167,7 @@ impl BatchSolver for LaneBatch {
         rves: &mut [&mut Rve],
         targets: &[Matrix3<f64>],
         params: &EquilibriumParams,
-        progress: &(dyn Fn(usize) + Sync),
+        progress: &dyn BatchProgress,
     ) -> Result<Vec<Option<BatchEquilibrium>>, String> {
         Ok(self.solve_with_progress(rves, targets, params, progress))
     }

@@ -49,6 +49,7 @@ impl Sample {
             cell_integers: vec![("network", &self.network)],
             cell_vectors: vec![("fiber_direction", &self.direction)],
             cell_tensors: vec![("cauchy_stress", &self.stress)],
+            ..FieldSet::default()
         }
     }
 
@@ -270,6 +271,7 @@ fn fields_are_read_back_bit_for_bit() {
         cell_integers: vec![("network".into(), sample.network.clone())],
         cell_vectors: vec![("fiber_direction".into(), sample.direction.clone())],
         cell_tensors: vec![("cauchy_stress".into(), sample.stress.clone())],
+        ..Fields::default()
     };
     assert_eq!(read, expected);
     assert!(read.points[0][1].is_sign_negative());

@@ -202,6 +202,7 @@ fn fields(dir: &Path, bar: &Bar, collection: &mut Collection, step: usize, t: f6
         cell_integers: vec![("network", &network)],
         cell_vectors: vec![("fiber_direction", &direction)],
         cell_tensors: vec![("cauchy_stress", &tensors)],
+        ..FieldSet::default()
     };
     write_vtu(&dir.join(&file), &set).unwrap();
     collection.add(t, &file).unwrap();

@@ -12,12 +12,54 @@ fn fields(folder: &Path) -> (Vec<String>, Fields) {
     let files = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
     let last = files.filter(|path| path.to_string_lossy().contains("fields-0")).max().unwrap();
     let fields = read_fields(&last).unwrap();
-    let names = (fields.point_vectors.iter().map(|(name, _)| name))
+    let names = (fields.point_scalars.iter().map(|(name, _)| name))
+        .chain(fields.point_vectors.iter().map(|(name, _)| name))
+        .chain(fields.point_tensors.iter().map(|(name, _)| name))
         .chain(fields.cell_scalars.iter().map(|(name, _)| name))
         .chain(fields.cell_integers.iter().map(|(name, _)| name))
         .chain(fields.cell_vectors.iter().map(|(name, _)| name))
         .chain(fields.cell_tensors.iter().map(|(name, _)| name));
     (names.cloned().collect(), fields)
+}
+
+/// The means at the nodes are those of the elements around them, bit for bit the same on any number of ranks.
+#[test]
+fn means_at_the_nodes_do_not_depend_on_ranks() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = "[output]\nfields = [\"energy_density\", \"cauchy_stress\", \"nodal_energy_density\", \"nodal_cauchy_stress\", \
+                  \"nodal_principal_stretches\"]\n";
+    let text = fibers(&frozen()).replace("cells = [1, 1, 1]", "cells = [3, 2, 1]");
+    run(folder.path(), &format!("{text}{output}"), "--out alone").done();
+    let (names, alone) = fields(&folder.path().join("alone"));
+    let at_nodes = ["nodal_energy_density", "nodal_cauchy_stress", "nodal_principal_stretches"];
+    assert!(names.len() == 6 && at_nodes.iter().all(|name| names.contains(&(*name).into())), "{names:?}");
+    let (energy, stress) = (alone.cell_scalar("energy_density").unwrap(), alone.cell_tensor("cauchy_stress").unwrap());
+    let (of_nodes, stress_of_nodes) =
+        (alone.point_scalar("nodal_energy_density").unwrap(), alone.point_tensor("nodal_cauchy_stress").unwrap());
+    for node in 0..alone.points.len() {
+        let around: Vec<usize> =
+            (0..energy.len()).filter(|&element| alone.elements[element].contains(&(node as u32))).collect();
+        let mean = |value: &dyn Fn(usize) -> f64| {
+            around.iter().map(|&element| value(element)).sum::<f64>() / around.len() as f64
+        };
+        assert_eq!(of_nodes[node], mean(&|element| energy[element]));
+        assert_eq!(stress_of_nodes[node], std::array::from_fn(|k| mean(&|element| stress[element][k])));
+    }
+    let scales = "[scales]\nmacro = 2\nmicro = 2\n";
+    run(folder.path(), &format!("{text}{output}{scales}"), "--out shared --ranks 4").done();
+    let index = std::fs::read_to_string(folder.path().join("shared/fields-00002.pvtu")).unwrap();
+    let point_data = index.split("<PPointData").nth(1).unwrap().split("</PPointData>").next().unwrap();
+    assert!(at_nodes.iter().all(|name| point_data.contains(&format!("Name=\"{name}\""))), "{index}");
+    let (_, shared) = fields(&folder.path().join("shared"));
+    assert_eq!(shared.points.len(), alone.points.len());
+    for (node, point) in shared.points.iter().enumerate() {
+        let in_alone = alone.points.iter().position(|other| other == point).unwrap();
+        assert_eq!(shared.point_scalar(at_nodes[0]).unwrap()[node], of_nodes[in_alone]);
+        assert_eq!(shared.point_tensor(at_nodes[1]).unwrap()[node], stress_of_nodes[in_alone]);
+        let stretches = |fields: &Fields, node: usize| fields.point_vector(at_nodes[2]).unwrap()[node];
+        assert_eq!(stretches(&shared, node), stretches(&alone, in_alone));
+    }
+    line(folder.path(), "report shared").done();
 }
 
 /// A body of formulas without fibers has no fields of fibers and of RVEs.

@@ -114,6 +114,51 @@ fn fields_choose_the_networks_that_a_cycle_chooses() {
     assert!(plan.done().contains("field      choose.a from 0.0 to 2.0 in region \"*\""), "{}", plan.stdout);
 }
 
+/// An array of the cells of the mesh, a .vtu file, or of another file with the same cells.
+#[test]
+fn arrays_of_cells_choose_networks() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    write_networks(folder);
+    // Two hexahedra with eight points each: the first has the value 1, the other one 0.
+    let cells = CELLS.replace("2 1 3 1</DataArray>", "2 1 3 4</DataArray>").replace("nan 1000 nan 2000", "nan 1 nan 0");
+    write(folder, "cells.vtu", &cells);
+    let mesh = "generate = { shape = \"box\", cells = [2, 1, 1], size = [2.0, 1.0, 1.0] }";
+    let on_cells = |text: String| {
+        text.replace(mesh, "file = \"cells.vtu\"").replace("\"x0\"", "\"surface_2\"").replace("\"x1\"", "\"surface_3\"")
+    };
+    let by_cells = on_cells(bar(&format!("{LISTED}choose = {{ index = {{ cells = \"E\" }} }}"), FRACTION));
+    let found = loads(folder, &by_cells, "");
+    // In the order of the list, 0 is `a-2-b-00`, and 1 is `a-0-b-01`.
+    let networks = |case: &str| -> Vec<(String, u64)> {
+        write(folder, "case.toml", case);
+        let check = line(folder, "check case.toml --json").object();
+        let of = |network: &serde_json::Value| {
+            let name = network["name"].as_str().unwrap().rsplit('/').next().unwrap().to_owned();
+            (name, network["rves"].as_u64().unwrap())
+        };
+        check["networks"].as_array().unwrap().iter().map(of).collect()
+    };
+    assert_eq!(networks(&by_cells), [("a-2-b-00.txt".to_owned(), 8), ("a-0-b-01.txt".to_owned(), 8)]);
+    let by_rows = |rows: &str| {
+        write(folder, "rows.csv", &format!("index\n{rows}"));
+        on_cells(bar(
+            &format!("{LISTED}choose = {{ index = {{ file = \"rows.csv\", column = \"index\" }} }}"),
+            FRACTION,
+        ))
+    };
+    assert_eq!(loads(folder, &by_rows("1\n0\n"), ""), found);
+    assert_ne!(loads(folder, &by_rows("0\n1\n"), ""), found);
+    assert_eq!(loads(folder, &(by_cells.clone() + "[scales]\nmacro = 1\nmicro = 2\n"), "--ranks 3"), found);
+    // By the names of the files, from another file with the same cells.
+    write(folder, "other.vtu", &cells.replace("nan 1 nan 0", "nan 0 nan 2"));
+    let of_other = "{ file = \"other.vtu\", cells = \"E\" }";
+    let b = "{ file = \"rows.csv\", column = \"index\" }";
+    write(folder, "rows.csv", "index\n1\n0\n");
+    let by_name = on_cells(bar(&format!("{PATTERN}choose = {{ a = {of_other}, b = {b} }}"), FRACTION));
+    assert_eq!(loads(folder, &by_name, ""), found);
+}
+
 #[test]
 fn grids_and_expressions_choose_networks() {
     let folder = tempfile::tempdir().unwrap();

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use biotissue::app::results::{PointValues, read_points};
+use biotissue::app::results::{Fields, PointValues, read_fields, read_points};
 
 use crate::balance::{BY_ITERATIONS, restless, uneven};
 use crate::ranks::processes::{assert_same_to_rounding, launched, mpirun_done, one_at_a_time};
@@ -82,6 +82,27 @@ fn bodies_in_parts_give_the_same_loads_and_fields() {
                 assert_eq!(starts[0][size], starts[1][size], "{size}");
             }
         }
+    }
+}
+
+/// The means at the nodes of a body in parts are those of the whole body, although a part lacks elements at its nodes.
+#[test]
+fn means_at_the_nodes_of_bodies_in_parts_are_complete() {
+    let _turn = one_at_a_time();
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let text = loaded("tet4", 1) + "fields = [\"energy_density\", \"nodal_energy_density\"]\n";
+    run(folder, &text, "--out alone --backend sparse").done();
+    write_case(folder, "case.toml", &with_scales(&text, (4, 1)));
+    mpirun_done(folder, 5, "run case.toml --backend petsc --out parts");
+    let [alone, parts] =
+        ["alone/fields-00002.vtu", "parts/fields-00002.pvtu"].map(|file| read_fields(&folder.join(file)).unwrap());
+    let mean = |fields: &Fields, node: usize| fields.point_scalar("nodal_energy_density").unwrap()[node];
+    let largest = (0..alone.points.len()).map(|node| mean(&alone, node)).fold(0.0, f64::max);
+    assert!(largest > 0.0);
+    for (node, point) in parts.points.iter().enumerate() {
+        let in_alone = alone.points.iter().position(|other| other == point).unwrap();
+        assert!((mean(&parts, node) - mean(&alone, in_alone)).abs() < 1e-9 * largest, "node {in_alone}");
     }
 }
 

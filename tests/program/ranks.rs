@@ -456,6 +456,19 @@ pub mod processes {
         }
     }
 
+    /// Lines within a step say what the RVEs of all processes do.
+    #[test]
+    fn long_steps_of_processes_report_what_their_rves_do() {
+        let _turn = one_at_a_time();
+        let folder = tempfile::tempdir().unwrap();
+        let text = replaced(&fibers(&frozen()), "cells = [1, 1, 1]", "cells = [6, 6, 5]");
+        write_case(folder.path(), "case.toml", &with_scales(&text, (1, 2)));
+        let out = mpirun(folder.path(), 3, "run case.toml --backend sparse --progress 0.02");
+        let message = String::from_utf8_lossy(&out.stderr);
+        assert!(out.status.success(), "{message}");
+        crate::streams::assert_reports_rves(&message, 1080);
+    }
+
     #[test]
     fn the_dogbone_is_the_same_on_processes() {
         let _turn = one_at_a_time();

@@ -211,7 +211,18 @@ fn a_body_without_supports_is_an_input_error() {
 fn a_floppy_network_runs_and_is_reported() {
     let folder = tempfile::tempdir().unwrap();
     write_floppy_network(folder.path());
-    run(folder.path(), &fibers("chain.txt"), "").done();
+    // Before the first step, once, on ranks as well.
+    for options in ["", "--ranks 3"] {
+        let done = run(folder.path(), &fibers("chain.txt"), options);
+        done.done();
+        let warning =
+            "1 of 1 networks has motions that no fiber resists, and no matrix resists them either: chain.txt; ";
+        assert!(done.stderr.starts_with(&format!("warning: case.toml:5: region \"*\": {warning}")), "{}", done.stderr);
+        assert_eq!(done.stderr.matches("no fiber resists").count(), 1, "{}", done.stderr);
+    }
+    let rigid = run(folder.path(), &fibers(&frozen()), "");
+    rigid.done();
+    assert!(!rigid.stderr.contains("warning: "), "{}", rigid.stderr);
     assert!(line(folder.path(), "network check chain.txt").done().contains("floppy"));
 }
 

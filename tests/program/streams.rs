@@ -72,6 +72,18 @@ fn warnings_are_not_printed_on_stdout() {
     assert!(info.stderr.starts_with("warning: more.txt"), "{}", info.stderr);
 }
 
+/// Checks that lines within a step say how many of the RVEs are done, more and more of them, and which is the slowest.
+pub fn assert_reports_rves(stderr: &str, rves: usize) {
+    let text = format!(" of {rves} RVEs done, ");
+    let beats: Vec<&str> = stderr.lines().filter(|line| line.contains(&text)).collect();
+    let is_slowest = |line: &&str| line.contains(", the slowest, of element ") && line.contains("(stage: newton)");
+    assert!(beats.iter().any(is_slowest), "{stderr}");
+    let done_of = |line: &&str| line.split(&text).next()?.rsplit(' ').next()?.parse::<usize>().ok();
+    let done: Vec<usize> = beats.iter().filter_map(done_of).collect();
+    assert!(done.iter().any(|&done| done > 0 && done < rves), "{stderr}");
+    assert!(done.iter().all(|&done| done <= rves), "{stderr}");
+}
+
 /// A long step is not silent; a run whose steps are short prints no more than one line for each.
 #[test]
 fn long_steps_report_what_their_rves_do() {
@@ -84,6 +96,13 @@ fn long_steps_report_what_their_rves_do() {
     assert!(beats.iter().any(|line| line.contains("the slowest, of element ")), "{}", done.stderr);
     assert!(beats.iter().any(|line| line.contains("(stage: newton)")), "{}", done.stderr);
     assert!(beats.iter().any(|line| line.starts_with("step 2/2 to t = 1.0000: iteration ")), "{}", done.stderr);
+    // The same with RVEs in lanes, where the machine has them, and with ranks that solve the RVEs.
+    let lanes = text.replace("[micro]\nlanes = \"off\"\n", "");
+    for (text, options) in [(&lanes, ""), (&text, "--ranks 3")] {
+        let done = run(folder.path(), text, &format!("--progress 0.02 --threads 1 {options}"));
+        done.done();
+        assert_reports_rves(&done.stderr, 1080);
+    }
     let short = run(folder.path(), &fibers(&frozen()), "");
     short.done();
     assert!(!short.stderr.contains("RVEs done"), "{}", short.stderr);

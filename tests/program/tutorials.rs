@@ -3,6 +3,8 @@
 use std::path::Path;
 use std::process::Command;
 
+use crate::skip::skip;
+
 /// A part of a tutorial.
 enum Part {
     /// A file: its name and its content.
@@ -67,6 +69,79 @@ fn followed(name: &str) -> String {
     }
     assert!(commands > 1, "{name}: {commands} blocks of commands");
     printed
+}
+
+/// Returns the text of a tutorial and the line in it that begins with a command.
+fn line_of(name: &str, command: &str) -> (String, String) {
+    let tutorials = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/tutorials");
+    let text = std::fs::read_to_string(tutorials.join(name)).unwrap();
+    let line = text.lines().find(|line| line.starts_with(command)).expect(command).to_owned();
+    (text, line)
+}
+
+fn is_installed(program: &str) -> bool {
+    Command::new(program).arg("--version").output().is_ok_and(|output| output.status.success())
+}
+
+/// Runs a command of a shell in a folder and returns what it prints.
+fn shell(folder: &Path, command: &str) -> String {
+    let program = Path::new(env!("CARGO_BIN_EXE_biotissue")).parent().unwrap();
+    let path = format!("{}:{}", program.display(), std::env::var("PATH").unwrap());
+    let mut shell = Command::new("bash");
+    shell.args(["-e", "-u", "-o", "pipefail", "-c", command]).current_dir(folder).env("PATH", &path);
+    let output =
+        shell.envs([("OMPI_ALLOW_RUN_AS_ROOT", "1"), ("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1")]).output().unwrap();
+    let [out, err] = [&output.stdout, &output.stderr].map(|bytes| String::from_utf8_lossy(bytes).into_owned());
+    assert!(output.status.success(), "{command}\n{out}\n{err}");
+    out
+}
+
+/// Writes the files of a tutorial that have these names.
+fn write_files(folder: &Path, text: &str, names: &[&str]) {
+    for part in parts(text) {
+        if let Part::File(name, content) = part
+            && names.contains(&name.as_str())
+        {
+            std::fs::write(folder.join(name), content).unwrap();
+        }
+    }
+}
+
+/// The mesh that Gmsh writes has the regions and surfaces of the tutorial; its elements differ from version to version.
+#[test]
+fn gmsh_meshes_the_plate() {
+    if !is_installed("gmsh") {
+        return skip("needs gmsh");
+    }
+    let (text, command) = line_of("2-your-own-mesh.md", "gmsh ");
+    let folder = tempfile::tempdir().unwrap();
+    write_files(folder.path(), &text, &["plate.geo", "plate.toml"]);
+    shell(folder.path(), &command);
+    let plan = shell(folder.path(), "biotissue check plate.toml");
+    let has = |words: &str| assert!(plan.contains(words), "`{words}` is not in\n{plan}");
+    ["regions    gel", "surface \"left\" (", " faces, 2.0000e-5 m^2)"].iter().for_each(|words| has(words));
+}
+
+/// The line of the job that starts the ranks.
+#[cfg(feature = "mpi")]
+#[test]
+fn the_job_of_the_cluster_runs() {
+    if !is_installed("mpirun") {
+        return skip("needs mpirun");
+    }
+    let (text, command) = line_of("5-on-a-cluster.md", "mpirun ");
+    let _turn = crate::ranks::processes::one_at_a_time();
+    let folder = tempfile::tempdir().unwrap();
+    write_files(folder.path(), &text, &["pull.toml"]);
+    let generate = parts(&text).into_iter().find_map(|part| match part {
+        Part::Commands(block) if block.contains("network generate") => Some(block),
+        _ => None,
+    });
+    shell(folder.path(), &generate.unwrap());
+    // A scheduler gives the number of ranks.
+    let printed = shell(folder.path(), &command.replace("mpirun ", "mpirun --oversubscribe -n 4 "));
+    assert!(printed.contains("6 load steps") && printed.contains("micro ranks idle for "), "{printed}");
+    shell(folder.path(), "biotissue run pull.toml --out alone && cmp alone/loads.csv results/loads.csv");
 }
 
 fn assert_printed(name: &str, expected: &[&str]) {

@@ -11,8 +11,23 @@ const OF_BODY: [&str; 7] =
 const OF_FIBERS: [&str; 5] = ["fiber_alignment", "stretch_min", "stretch_max", "fiber_direction", "fiber_orientation"];
 /// Fields of bodies with RVEs.
 const OF_RVES: [&str; 3] = ["rve_iterations", "rve_status", "network"];
-/// Fields that are written only if the case names them.
-const ON_REQUEST: [&str; 3] = ["principal_stresses", "principal_stretches", "green_lagrange_strain"];
+/// Fields that are written only if the case names them: the last ones are means at the nodes.
+const ON_REQUEST: [&str; 14] = [
+    "principal_stresses",
+    "principal_stretches",
+    "green_lagrange_strain",
+    "nodal_von_mises_stress",
+    "nodal_energy_density",
+    "nodal_fiber_alignment",
+    "nodal_stretch_min",
+    "nodal_stretch_max",
+    "nodal_principal_stresses",
+    "nodal_principal_stretches",
+    "nodal_cauchy_stress",
+    "nodal_deformation_gradient",
+    "nodal_fiber_orientation",
+    "nodal_green_lagrange_strain",
+];
 
 const DISPLACEMENT: &str = "displacement";
 

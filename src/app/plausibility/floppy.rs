@@ -10,10 +10,26 @@ use crate::las::RealBackend;
 use crate::parallel;
 use crate::tissue::micro_scale::Library;
 
-/// Networks with more free unknowns are not factored: one with this number takes about a second on one thread.
-const MOST_UNKNOWNS: usize = 30_000;
-/// The networks are factored in their order as long as the sum of their free unknowns is at most this.
-const MOST_UNKNOWNS_OF_ALL: usize = 400_000;
+/// How many networks are factored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Examination {
+    /// For some seconds at most, before a run.
+    Quick,
+    /// As far as that is possible within a minute or so; a warning says if networks are left out.
+    Thorough,
+}
+
+impl Examination {
+    /// The most free unknowns of a network that is factored, and of all: the networks are factored in their order as long as
+    /// the sum of their free unknowns is at most that. A network of 30 000 takes about a second on one thread.
+    const fn most_unknowns(self) -> [usize; 2] {
+        match self {
+            Self::Quick => [10_000, 100_000],
+            Self::Thorough => [30_000, 400_000],
+        }
+    }
+}
+
 /// The number of networks that a warning names.
 const MOST_NAMES: usize = 5;
 
@@ -31,16 +47,12 @@ enum Finding {
 pub struct FloppyNetworks {
     /// Their names, each once.
     pub names: Vec<String>,
-    /// The warnings, one line for each region, and one if networks were not examined.
+    /// The warnings, one line for each region, and one if a thorough examination left out networks.
     pub warnings: Vec<String>,
 }
 
 /// Finds the networks of regions without a matrix that have motions which no fiber resists.
-pub fn floppy_networks<B: RealBackend, M: RealBackend>(
-    context: &B::Context,
-    case: &Case,
-    library: &Library<M>,
-) -> FloppyNetworks {
+pub fn floppy_networks<B: RealBackend>(case: &Case, library: &Library<B>, examination: Examination) -> FloppyNetworks {
     let without_matrix: Vec<(usize, Vec<&Arc<Network>>)> = (0..library.regions().len())
         .filter(|&region| library.formulas_of_region(region).is_empty())
         .map(|region| {
@@ -49,7 +61,7 @@ pub fn floppy_networks<B: RealBackend, M: RealBackend>(
         })
         .collect();
     let all = distinct(without_matrix.iter().flat_map(|(_, networks)| networks.iter().copied()));
-    let findings = examine::<B>(context, &all, [MOST_UNKNOWNS, MOST_UNKNOWNS_OF_ALL]);
+    let findings = examine::<B>(library.context(), &all, examination.most_unknowns());
     let is_floppy = |network: &Arc<Network>| {
         let at = all.iter().position(|other| Arc::ptr_eq(other, network));
         at.is_some_and(|at| findings[at] == Finding::Floppy)
@@ -65,7 +77,7 @@ pub fn floppy_networks<B: RealBackend, M: RealBackend>(
     let floppy = all.iter().zip(&findings).filter(|(_, finding)| **finding == Finding::Floppy);
     found.names = floppy.map(|(network, _)| network.name().to_owned()).collect();
     let not_examined = findings.iter().filter(|finding| **finding == Finding::NotExamined).count();
-    if not_examined > 0 {
+    if not_examined > 0 && examination == Examination::Thorough {
         found.warnings.push(format!(
             "{}: {not_examined} of {} networks without a matrix are too large to count their motions that no fiber resists: \
              `biotissue network check` does",

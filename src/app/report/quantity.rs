@@ -110,7 +110,9 @@ fn available(fields: &Fields) -> Vec<String> {
             false => names.push(name.clone()),
         }
     }
-    names.extend(fields.point_vectors.iter().map(|(name, _)| name.clone()));
+    // The means at the nodes come from fields of the elements, which are smoothed as well.
+    let vectors = fields.point_vectors.iter().filter(|(name, _)| !name.starts_with("nodal_"));
+    names.extend(vectors.map(|(name, _)| name.clone()));
     for (name, _) in &fields.cell_tensors {
         match name.as_str() {
             "deformation_gradient" => names.push("volume_ratio".into()),

@@ -21,8 +21,12 @@ pub struct FieldSet<'a> {
     pub points: &'a [[f64; 3]],
     /// The points of each element.
     pub elements: &'a Elements,
+    /// Scalars at the points.
+    pub point_scalars: Vec<(&'a str, &'a [f64])>,
     /// Vectors at the points.
     pub point_vectors: Vec<(&'a str, &'a [[f64; 3]])>,
+    /// Tensors at the points, row-major.
+    pub point_tensors: Vec<(&'a str, &'a [[f64; 9]])>,
     /// Scalars in the elements.
     pub cell_scalars: Vec<(&'a str, &'a [f64])>,
     /// Integers in the elements.
@@ -36,7 +40,9 @@ pub struct FieldSet<'a> {
 impl FieldSet<'_> {
     /// Keeps the fields whose names satisfy a condition.
     pub fn retain(&mut self, is_kept: impl Fn(&str) -> bool) {
+        self.point_scalars.retain(|(name, _)| is_kept(name));
         self.point_vectors.retain(|(name, _)| is_kept(name));
+        self.point_tensors.retain(|(name, _)| is_kept(name));
         self.cell_scalars.retain(|(name, _)| is_kept(name));
         self.cell_integers.retain(|(name, _)| is_kept(name));
         self.cell_vectors.retain(|(name, _)| is_kept(name));
@@ -51,8 +57,12 @@ pub struct Fields {
     pub points: Vec<[f64; 3]>,
     /// The points of each element, each below the number of points.
     pub elements: Elements,
+    /// Scalars at the points.
+    pub point_scalars: Vec<(String, Vec<f64>)>,
     /// Vectors at the points.
     pub point_vectors: Vec<(String, Vec<[f64; 3]>)>,
+    /// Tensors at the points, row-major.
+    pub point_tensors: Vec<(String, Vec<[f64; 9]>)>,
     /// Scalars in the elements.
     pub cell_scalars: Vec<(String, Vec<f64>)>,
     /// Integers in the elements.
@@ -64,6 +74,16 @@ pub struct Fields {
 }
 
 impl Fields {
+    /// Returns the point scalars with this name.
+    pub fn point_scalar(&self, name: &str) -> Option<&[f64]> {
+        named(&self.point_scalars, name)
+    }
+
+    /// Returns the point tensors with this name, row-major.
+    pub fn point_tensor(&self, name: &str) -> Option<&[[f64; 9]]> {
+        named(&self.point_tensors, name)
+    }
+
     /// Returns the point vectors with this name.
     pub fn point_vector(&self, name: &str) -> Option<&[[f64; 3]]> {
         named(&self.point_vectors, name)
@@ -108,7 +128,9 @@ pub fn write_vtu(path: &Path, fields: &FieldSet) -> Result<(), ResultsError> {
 /// Checks that every field has one value per point or element, and that every element refers to existing points.
 pub(super) fn check(path: &Path, fields: &FieldSet) -> Result<(), ResultsError> {
     let (points, elements) = (fields.points.len(), fields.elements.len());
-    let lengths = (fields.point_vectors.iter().map(|(name, values)| (*name, values.len(), points)))
+    let lengths = (fields.point_scalars.iter().map(|(name, values)| (*name, values.len(), points)))
+        .chain(fields.point_vectors.iter().map(|(name, values)| (*name, values.len(), points)))
+        .chain(fields.point_tensors.iter().map(|(name, values)| (*name, values.len(), points)))
         .chain(fields.cell_scalars.iter().map(|(name, values)| (*name, values.len(), elements)))
         .chain(fields.cell_integers.iter().map(|(name, values)| (*name, values.len(), elements)))
         .chain(fields.cell_vectors.iter().map(|(name, values)| (*name, values.len(), elements)))
@@ -120,14 +142,16 @@ pub(super) fn check(path: &Path, fields: &FieldSet) -> Result<(), ResultsError> 
 }
 
 fn data_set(fields: &FieldSet) -> DataSet {
-    let point = fields.point_vectors.iter().map(|(name, values)| vectors(name, values)).collect();
+    let point = (fields.point_scalars.iter().map(|(name, values)| array(DataArray::new(*name, 1), values)))
+        .chain(fields.point_vectors.iter().map(|(name, values)| vectors(name, values)))
+        .chain(fields.point_tensors.iter().map(|(name, values)| tensors(name, values)))
+        .collect();
     let scalars = fields.cell_scalars.iter().map(|(name, values)| array(DataArray::new(*name, 1), values));
     let integers = fields.cell_integers.iter().map(|(name, values)| array(DataArray::new(*name, 1), values));
-    let tensors = fields.cell_tensors.iter();
     let cell = scalars
         .chain(integers)
         .chain(fields.cell_vectors.iter().map(|(name, values)| vectors(name, values)))
-        .chain(tensors.map(|(name, values)| array(DataArray::tensors(*name), values.as_flattened())))
+        .chain(fields.cell_tensors.iter().map(|(name, values)| tensors(name, values)))
         .collect();
     DataSet::inline(UnstructuredGridPiece {
         points: fields.points.as_flattened().to_vec().into(),
@@ -138,4 +162,8 @@ fn data_set(fields: &FieldSet) -> DataSet {
 
 fn vectors(name: &str, values: &[[f64; 3]]) -> Attribute {
     array(DataArray::vectors(name), values.as_flattened())
+}
+
+fn tensors(name: &str, values: &[[f64; 9]]) -> Attribute {
+    array(DataArray::tensors(name), values.as_flattened())
 }

@@ -73,18 +73,22 @@ fn append(whole: &mut Fields, piece: Fields, met: &mut HashMap<Mark, u32>, path:
     };
     let places: Vec<u32> = marks.iter().map(&mut place).collect();
     met.extend(marks.into_iter().zip(places.iter().copied()));
-    let Fields { mut points, mut elements, mut point_vectors, .. } = piece;
+    let Fields { mut points, mut elements, mut point_scalars, mut point_vectors, mut point_tensors, .. } = piece;
     keep(&mut points, &is_new);
+    point_scalars.iter_mut().for_each(|(_, values)| keep(values, &is_new));
     point_vectors.iter_mut().for_each(|(_, values)| keep(values, &is_new));
+    point_tensors.iter_mut().for_each(|(_, values)| keep(values, &is_new));
     elements = elements.map(|node| places[node as usize]);
-    let piece = Fields { points, elements, point_vectors, ..piece };
+    let piece = Fields { points, elements, point_scalars, point_vectors, point_tensors, ..piece };
     if whole.elements.is_empty() {
         *whole = piece;
         return Ok(());
     }
     whole.points.extend(piece.points);
     whole.elements.extend(&piece.elements);
-    let same = extend(&mut whole.point_vectors, piece.point_vectors)
+    let same = extend(&mut whole.point_scalars, piece.point_scalars)
+        && extend(&mut whole.point_vectors, piece.point_vectors)
+        && extend(&mut whole.point_tensors, piece.point_tensors)
         && extend(&mut whole.cell_scalars, piece.cell_scalars)
         && extend(&mut whole.cell_integers, piece.cell_integers)
         && extend(&mut whole.cell_vectors, piece.cell_vectors)
@@ -123,10 +127,13 @@ fn mesh_and_fields(path: &Path, piece: UnstructuredGridPiece) -> Result<Fields, 
     let elements = vtk_cells::from_vtk(path, piece.cells, points.len())?;
     let mut fields = Fields { points, elements, ..Fields::default() };
     for attribute in piece.data.point {
-        if let Attribute::DataArray(array) = attribute
-            && let (3, IOBuffer::F64(values)) = (array.elem.num_comp(), array.data)
-        {
-            fields.point_vectors.push((array.name, groups(&values)));
+        let Attribute::DataArray(array) = attribute else { continue };
+        let name = array.name;
+        match (array.elem.num_comp(), array.data) {
+            (1, IOBuffer::F64(values)) => fields.point_scalars.push((name, values)),
+            (3, IOBuffer::F64(values)) => fields.point_vectors.push((name, groups(&values))),
+            (9, IOBuffer::F64(values)) => fields.point_tensors.push((name, groups(&values))),
+            _ => {}
         }
     }
     for attribute in piece.data.cell {

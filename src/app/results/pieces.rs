@@ -54,7 +54,7 @@ pub fn write_pieces(path: &Path, fields: &FieldSet, part_of: &[u32], parts: usiz
 /// # Errors
 /// Returns the error of the XML writer.
 pub fn piece_index(sources: &[String], fields: &FieldSet) -> io::Result<Vec<u8>> {
-    let of_points = Arrays::new(&[], &[], &fields.point_vectors, &[]);
+    let of_points = Arrays::new(&fields.point_scalars, &[], &fields.point_vectors, &fields.point_tensors);
     let of_cells = Arrays::new(&fields.cell_scalars, &fields.cell_integers, &fields.cell_vectors, &fields.cell_tensors);
     index(sources, &of_points, &of_cells)
 }
@@ -123,7 +123,9 @@ pub fn write_piece(path: &Path, own: &[u32], fields: &FieldSet) -> Result<(), Re
     let place = |point: u32| points.partition_point(|&other| other < point) as u32;
     let elements = elements.map(place);
     let positions = gather(fields.points, &points);
+    let point_scalars = cut(&fields.point_scalars, &points);
     let point_vectors = cut(&fields.point_vectors, &points);
+    let point_tensors = cut(&fields.point_tensors, &points);
     let cell_scalars = cut(&fields.cell_scalars, own);
     let cell_integers = cut(&fields.cell_integers, own);
     let cell_vectors = cut(&fields.cell_vectors, own);
@@ -131,7 +133,9 @@ pub fn write_piece(path: &Path, own: &[u32], fields: &FieldSet) -> Result<(), Re
     let own = FieldSet {
         points: &positions,
         elements: &elements,
+        point_scalars: borrow(&point_scalars),
         point_vectors: borrow(&point_vectors),
+        point_tensors: borrow(&point_tensors),
         cell_scalars: borrow(&cell_scalars),
         cell_integers: borrow(&cell_integers),
         cell_vectors: borrow(&cell_vectors),
@@ -230,6 +234,7 @@ mod tests {
                 cell_integers: vec![("region", &self.region)],
                 cell_vectors: vec![("direction", &self.direction)],
                 cell_tensors: vec![("stress", &self.stress)],
+                ..FieldSet::default()
             }
         }
     }

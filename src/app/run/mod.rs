@@ -46,7 +46,7 @@ use crate::fem::equilibrium::EquilibriumError;
 use crate::fem::mesh::Mesh;
 use crate::fem::stepping::{StepFailure, Stepper, SteppingError};
 use crate::las::{NewtonError, RealBackend};
-use crate::tissue::micro_scale::{Activity, TissueField, TissueFieldError, TissueMaterial};
+use crate::tissue::micro_scale::{ProgressSource, TissueField, TissueFieldError, TissueMaterial};
 
 /// A body and its networks, set up to step through the loads.
 ///
@@ -92,9 +92,10 @@ impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
         self.stepper.mesh()
     }
 
-    /// Returns what the threads of this process do with its RVEs; `None` if other ranks solve them.
-    pub fn activity(&self) -> Option<Arc<Activity>> {
-        self.stepper.field().activity()
+    /// Returns a function that returns what the RVEs of all ranks do, for another thread; `None` if this rank does not get
+    /// to know it.
+    pub fn progress_source(&self) -> Option<ProgressSource> {
+        self.stepper.field().progress_source()
     }
 
     /// Returns the size of the problem.

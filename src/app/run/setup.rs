@@ -11,7 +11,7 @@ use crate::app::case::{Case, ElementSelection, RegionMaterial};
 use crate::app::checkpoint::hash_of_mesh;
 use crate::app::macro_scale;
 use crate::app::material_fields::{self, FieldRange, ResolvedMaterials};
-use crate::app::plausibility::{self, FloppyNetworks, LoadSize, Plausibility};
+use crate::app::plausibility::{self, Examination, FloppyNetworks, LoadSize, Plausibility};
 use crate::app::results::ResultsRecord;
 use crate::app::rve_device;
 use crate::app::rve_files;
@@ -196,9 +196,9 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
     }
 
     /// Finds the networks of regions without a matrix that have motions which no fiber resists: such equilibria take
-    /// long to find. Factors a matrix for each network that is not too large.
-    pub fn floppy_networks(&self) -> FloppyNetworks {
-        plausibility::floppy_networks::<B, _>(&self.context, &self.case, self.field.library())
+    /// long to find. Factors a matrix for each network that is not too large, on the backend of the RVEs.
+    pub fn floppy_networks(&self, examination: Examination) -> FloppyNetworks {
+        plausibility::floppy_networks(&self.case, self.field.library(), examination)
     }
 
     /// Returns the warnings of the readers.

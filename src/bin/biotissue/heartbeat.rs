@@ -2,15 +2,17 @@
 
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
-use biotissue::tissue::micro_scale::{Activity, RveProgress, SlowestRve};
+use biotissue::tissue::micro_scale::{ProgressSource, RveProgress, SlowestRve};
 
 /// Reports from a thread of its own until it is dropped.
 pub struct Heartbeat {
     state: Arc<Mutex<State>>,
     /// Ends the thread when it is dropped.
-    _running: Sender<()>,
+    running: Option<Sender<()>>,
+    thread: Option<JoinHandle<()>>,
 }
 
 struct State {
@@ -21,8 +23,8 @@ struct State {
 }
 
 impl Heartbeat {
-    /// Calls `report` if nothing was reported for the time `every`. `activity` is that of the RVEs of this process.
-    pub fn start(every: Duration, activity: Option<Arc<Activity>>, report: impl Fn(&str) + Send + 'static) -> Self {
+    /// Calls `report` if nothing was reported for the time `every`. `rves` says what the RVEs do.
+    pub fn start(every: Duration, rves: Option<ProgressSource>, report: impl Fn(&str) + Send + 'static) -> Self {
         let now = Instant::now();
         let state = Arc::new(Mutex::new(State { text: String::new(), step_began: now, last_report: now }));
         let (sender, receiver) = channel();
@@ -33,15 +35,15 @@ impl Heartbeat {
                 let mut state = lock(&of_thread);
                 wait = every.saturating_sub(state.last_report.elapsed());
                 if wait.is_zero() {
-                    let progress = activity.as_ref().and_then(|activity| activity.progress());
+                    let progress = rves.as_ref().and_then(|rves| rves());
                     report(&format!("{}{}", state.text, describe(progress, state.step_began.elapsed())));
                     (state.last_report, wait) = (Instant::now(), every);
                 }
             }
         };
         // Without the thread, the run continues without these reports.
-        let _ = std::thread::Builder::new().spawn(beat);
-        Self { state, _running: sender }
+        let thread = thread::Builder::new().spawn(beat).ok();
+        Self { state, running: Some(sender), thread }
     }
 
     /// Notes that a step begins or is repeated, after a report about the one before.
@@ -53,6 +55,16 @@ impl Heartbeat {
     /// Notes what is known about the step in progress.
     pub fn update(&self, text: String) {
         lock(&self.state).text = text;
+    }
+}
+
+/// Waits for the thread: `rves` must not be called once the run is over.
+impl Drop for Heartbeat {
+    fn drop(&mut self) {
+        self.running = None;
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
     }
 }
 

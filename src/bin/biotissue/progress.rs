@@ -58,10 +58,10 @@ impl Reporter {
             bar.enable_steady_tick(Duration::from_millis(200));
             bar
         });
-        let activity = simulation.activity();
+        let rves = simulation.progress_source();
         let heartbeat = match bar.clone() {
-            Some(bar) => Heartbeat::start(BAR_EVERY, activity, move |text| bar.set_message(format!("({text})"))),
-            None => Heartbeat::start(report_every, activity, output::message),
+            Some(bar) => Heartbeat::start(BAR_EVERY, rves, move |text| bar.set_message(format!("({text})"))),
+            None => Heartbeat::start(report_every, rves, output::message),
         };
         heartbeat.begin(format!("step {}/{}", completed_steps + 1, size.steps));
         let saved_steps = Arc::new(AtomicUsize::new(completed_steps));

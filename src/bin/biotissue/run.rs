@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use biotissue::app::Examination;
 use biotissue::app::case::{Case, ScalesCase};
 use biotissue::app::results::LOADS_FILE;
 use biotissue::app::results::log::ScalesLog;
@@ -398,5 +399,7 @@ fn simulation<B: ProgramBackend>(
     case: Case,
 ) -> Result<Simulation<B, TissueField<B::Local>>, Failure> {
     let hints = CaseHints::of(&case);
-    setup::<B>(context, case)?.simulation().map_err(|error| not_set_up(&hints, error))
+    let setup = setup::<B>(context, case)?;
+    output::warn(&setup.floppy_networks(Examination::Quick).warnings);
+    setup.simulation().map_err(|error| not_set_up(&hints, error))
 }

@@ -7,6 +7,7 @@ use crate::las::{NewtonParams, RegularizedParams};
 
 /// A stage of the equilibrium solve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "app", derive(serde::Serialize, serde::Deserialize))]
 pub enum Stage {
     /// Newton with line search for the whole increment.
     Newton,

@@ -3,8 +3,13 @@
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
+use serde::{Deserialize, Serialize};
+
 use crate::fem::mesh::IntegrationPoint;
 use crate::fiber::equilibrium::{Stage, StageInProgress};
+
+/// Returns the state of the evaluation in progress, wherever its RVEs are solved; `None` if there is none.
+pub type ProgressSource = Box<dyn Fn() -> Option<RveProgress> + Send>;
 
 /// The RVEs of the evaluation in progress: how many are done, and which ones the threads are solving.
 #[derive(Debug, Default)]
@@ -14,6 +19,9 @@ pub struct Activity {
 
 #[derive(Debug, Default)]
 struct Evaluation {
+    /// Its number, from 1.
+    number: u64,
+    is_in_progress: bool,
     rves: usize,
     done: usize,
     solving: Vec<Solving>,
@@ -27,7 +35,7 @@ struct Solving {
 }
 
 /// The state of an evaluation.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RveProgress {
     /// Number of RVEs.
     pub rves: usize,
@@ -37,8 +45,8 @@ pub struct RveProgress {
     pub slowest: Option<SlowestRve>,
 }
 
-/// The RVE that a thread has been solving for the longest time.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// The RVE that a thread has been solving for the longest time, or the first of a group that it solves at once.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SlowestRve {
     /// Its point.
     pub point: IntegrationPoint,
@@ -51,9 +59,16 @@ pub struct SlowestRve {
 impl Activity {
     /// Returns the state of the evaluation in progress; `None` if there is none.
     pub fn progress(&self) -> Option<RveProgress> {
+        let (_, is_in_progress, progress) = self.last();
+        Some(progress).filter(|progress| is_in_progress && progress.rves > 0)
+    }
+
+    /// Returns the number of the last evaluation, from 1, whether it is in progress, and its state; all its RVEs are done
+    /// once it has ended. 0 before the first one.
+    pub(in crate::tissue) fn last(&self) -> (u64, bool, RveProgress) {
         let evaluation = self.lock();
         let slowest = evaluation.solving.iter().min_by_key(|solving| solving.since);
-        (evaluation.rves > 0).then(|| RveProgress {
+        let progress = RveProgress {
             rves: evaluation.rves,
             done: evaluation.done,
             slowest: slowest.map(|Solving { point, since, stage }| SlowestRve {
@@ -61,16 +76,19 @@ impl Activity {
                 elapsed: since.elapsed(),
                 stage: stage.get(),
             }),
-        })
+        };
+        (evaluation.number, evaluation.is_in_progress, progress)
     }
 
     /// Starts an evaluation of so many RVEs; it ends when the guard is dropped.
     pub(super) fn evaluate(&self, rves: usize) -> EvaluationGuard<'_> {
-        *self.lock() = Evaluation { rves, ..Evaluation::default() };
+        let mut evaluation = self.lock();
+        let number = evaluation.number + 1;
+        *evaluation = Evaluation { number, is_in_progress: true, rves, ..Evaluation::default() };
         EvaluationGuard(self)
     }
 
-    /// Counts RVEs as done that a batch solved, or that need no solution.
+    /// Counts RVEs as done that need no solution.
     pub(super) fn skip(&self, rves: usize) {
         self.lock().done += rves;
     }
@@ -83,8 +101,22 @@ impl Activity {
     /// Starts the solution of an RVE, whose stages `stage` follows; it ends when the guard is dropped.
     pub(super) fn solve(&self, point: IntegrationPoint, stage: &Arc<StageInProgress>) -> SolutionGuard<'_> {
         stage.set(None);
-        self.lock().solving.push(Solving { point, since: Instant::now(), stage: Arc::clone(stage) });
+        self.begin_group(point, stage);
         SolutionGuard { activity: self, point }
+    }
+
+    /// Starts the solution of a group of RVEs at once, of which the first is that of `point`.
+    pub(super) fn begin_group(&self, point: IntegrationPoint, stage: &Arc<StageInProgress>) {
+        self.lock().solving.push(Solving { point, since: Instant::now(), stage: Arc::clone(stage) });
+    }
+
+    /// Ends the solution of a group, with so many of its RVEs done.
+    pub(super) fn end_group(&self, point: IntegrationPoint, done: usize) {
+        let mut evaluation = self.lock();
+        evaluation.done += done;
+        if let Some(at) = evaluation.solving.iter().position(|solving| solving.point == point) {
+            evaluation.solving.swap_remove(at);
+        }
     }
 
     fn lock(&self) -> MutexGuard<'_, Evaluation> {
@@ -97,7 +129,9 @@ pub(super) struct EvaluationGuard<'a>(&'a Activity);
 
 impl Drop for EvaluationGuard<'_> {
     fn drop(&mut self) {
-        *self.0.lock() = Evaluation::default();
+        let mut evaluation = self.0.lock();
+        (evaluation.is_in_progress, evaluation.done) = (false, evaluation.rves);
+        evaluation.solving.clear();
     }
 }
 
@@ -109,11 +143,7 @@ pub(super) struct SolutionGuard<'a> {
 
 impl Drop for SolutionGuard<'_> {
     fn drop(&mut self) {
-        let mut evaluation = self.activity.lock();
-        evaluation.done += 1;
-        if let Some(at) = evaluation.solving.iter().position(|solving| solving.point == self.point) {
-            evaluation.solving.swap_remove(at);
-        }
+        self.activity.end_group(self.point, 1);
     }
 }
 
@@ -142,7 +172,13 @@ mod tests {
         assert_eq!(activity.progress(), Some(RveProgress { rves: 3, done: 3, slowest: None }));
         activity.restart(1);
         assert_eq!(activity.progress(), Some(RveProgress { rves: 3, done: 1, slowest: None }));
+        activity.begin_group(IntegrationPoint::of_element(4), &stages[0]);
+        assert_eq!(slowest(&activity).point.element, 4);
+        activity.end_group(IntegrationPoint::of_element(4), 2);
+        assert_eq!(activity.progress(), Some(RveProgress { rves: 3, done: 3, slowest: None }));
+        activity.restart(2);
         drop(evaluation);
         assert_eq!(activity.progress(), None);
+        assert_eq!(activity.last(), (1, false, RveProgress { rves: 3, done: 3, slowest: None }));
     }
 }

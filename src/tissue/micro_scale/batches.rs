@@ -7,11 +7,13 @@
 #[cfg(all(test, feature = "sparse"))]
 mod tests;
 
+use std::sync::Arc;
 use std::time::Instant;
 
 use nalgebra::Matrix3;
 use rayon::prelude::*;
 
+use super::activity::Activity;
 use super::error::{PointFailure, PointFailureKind};
 use super::iterations::IterationCounts;
 use super::library::Library;
@@ -19,7 +21,9 @@ use super::order::Order;
 use super::unit::{Origin, RveStats, Unit};
 use super::units::Units;
 use crate::fem::material::Response;
-use crate::fiber::batch::BatchEquilibrium;
+use crate::fem::mesh::IntegrationPoint;
+use crate::fiber::batch::{BatchEquilibrium, BatchProgress};
+use crate::fiber::equilibrium::{Stage, StageInProgress};
 use crate::fiber::rve::Rve;
 use crate::las::RealBackend;
 use crate::parallel;
@@ -45,11 +49,11 @@ impl<B: RealBackend> Units<B> {
             let Some(mut solver) = library.batch_solver(model) else { return Ok(Vec::new()) };
             let targets: Vec<Matrix3<f64>> = chosen.iter().map(|chosen| chosen.target).collect();
             let predicted: Vec<bool> = chosen.iter().map(|chosen| has_sensitivities(chosen.unit)).collect();
+            let progress = Progress::new(activity, &chosen);
             let mut rves: Vec<&mut Rve> = chosen
                 .iter_mut()
                 .filter_map(|chosen| chosen.unit.fibers.as_mut().map(|fibers| &mut fibers.current))
                 .collect();
-            let progress = |rves: usize| activity.skip(rves);
             let solved = solver.solve(&mut rves, &targets, &library.params, &progress);
             let solved = solved.map_err(|reason| device_failure(&chosen, reason))?;
             let accepted =
@@ -98,6 +102,32 @@ struct Chosen<'a> {
     number: usize,
     unit: &'a mut Unit,
     target: Matrix3<f64>,
+}
+
+/// The progress of a batch, whose groups count as their first RVE.
+struct Progress<'a> {
+    activity: &'a Activity,
+    points: Vec<IntegrationPoint>,
+    /// Batches know Newton's method only.
+    stage: Arc<StageInProgress>,
+}
+
+impl<'a> Progress<'a> {
+    fn new(activity: &'a Activity, chosen: &[Chosen<'_>]) -> Self {
+        let stage = Arc::new(StageInProgress::default());
+        stage.set(Some(Stage::Newton));
+        Self { activity, points: chosen.iter().map(|chosen| chosen.unit.location).collect(), stage }
+    }
+}
+
+impl BatchProgress for Progress<'_> {
+    fn begin(&self, first: usize) {
+        self.activity.begin_group(self.points[first], &self.stage);
+    }
+
+    fn end(&self, first: usize, done: usize) {
+        self.activity.end_group(self.points[first], done);
+    }
 }
 
 /// What a batch did: the indices of units, with their counters and the changes of their gradients.

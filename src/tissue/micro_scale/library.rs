@@ -117,6 +117,11 @@ impl<B: RealBackend> Library<B> {
         Ok((Self { context, models, regions, params, predict: rve.predictor, lanes, batch_solvers }, warnings))
     }
 
+    /// The context of the backend that solves the RVEs.
+    pub(crate) fn context(&self) -> &B::Context {
+        &self.context
+    }
+
     /// Solves the RVEs of models of which the whole body has this many in lanes of the processor, where that is faster. It
     /// depends on nothing else, so that results do not depend on ranks.
     pub fn use_lanes(&mut self, counts: &[usize]) {

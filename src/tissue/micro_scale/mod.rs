@@ -52,7 +52,8 @@ use crate::las::{Backend, RealBackend};
 use crate::tissue::materials::Materials;
 use crate::tissue::two_scale::{BalanceReport, RankTimes};
 
-pub use activity::{Activity, RveProgress, SlowestRve};
+pub(super) use activity::Activity;
+pub use activity::{ProgressSource, RveProgress, SlowestRve};
 pub use costs::RveCost;
 pub use error::{PointFailure, PointFailureKind, TissueFieldError};
 pub use iterations::IterationCounts;
@@ -105,9 +106,18 @@ pub trait TissueMaterial: PointField<Error = TissueFieldError> {
     /// Returns what each RVE cost since the last call, per trial state; empty unless it is kept.
     fn take_costs(&self) -> Vec<Vec<RveCost>>;
 
-    /// Returns what the threads of this process do with its RVEs; `None` if other ranks solve them.
-    fn activity(&self) -> Option<Arc<Activity>> {
-        None
+    /// Returns a function that returns what the RVEs of all ranks do, for another thread; `None` if this rank does not get
+    /// to know it.
+    fn progress_source(&self) -> Option<ProgressSource>;
+
+    /// In a divided body, replaces the values at the nodes that belong to other ranks by theirs: `width` numbers for each
+    /// node of the part. Collective over the ranks of the body.
+    ///
+    /// # Errors
+    /// Returns [`TissueFieldError`] if communication fails.
+    fn share_at_nodes(&self, mesh: &Mesh, width: usize, values: &mut [f64]) -> Result<(), TissueFieldError> {
+        let _ = (mesh, width, values);
+        Ok(())
     }
 
     /// Returns the RVE that made the last update fail; a second call returns `None`.
@@ -315,8 +325,9 @@ impl<B: RealBackend> TissueMaterial for TissueField<B> {
         self.units.take_costs()
     }
 
-    fn activity(&self) -> Option<Arc<Activity>> {
-        Some(Arc::clone(self.units.activity()))
+    fn progress_source(&self) -> Option<ProgressSource> {
+        let activity = Arc::clone(self.units.activity());
+        Some(Box::new(move || activity.progress()))
     }
 
     fn take_failed_rve(&self) -> Option<FailedRve> {

@@ -117,6 +117,32 @@ impl<C: Comm> DividedBody<C> {
         Ok(())
     }
 
+    /// Replaces the values at nodes that belong to other ranks by theirs: `width` numbers for each node. Collective.
+    pub fn share_at_nodes(
+        &self,
+        mesh: &Mesh,
+        part: &Part,
+        width: usize,
+        values: &mut [f64],
+    ) -> Result<(), TwoScaleError> {
+        // All elements at an own node are in the part: those of other ranks show which nodes are in other parts.
+        let mut is_shared = vec![false; part.nodes.len()];
+        let elements = mesh.elements().iter().enumerate();
+        for (_, nodes) in elements.filter(|(element, _)| !part.is_own_element(*element)) {
+            nodes.iter().for_each(|&node| is_shared[node as usize] |= part.is_own_node[node as usize]);
+        }
+        let shared: Vec<usize> = (0..is_shared.len()).filter(|&node| is_shared[node]).collect();
+        let numbers: Vec<u64> = shared.iter().map(|&node| part.nodes[node].into()).collect();
+        let rows: Vec<f64> = shared.iter().flat_map(|&node| &values[width * node..][..width]).copied().collect();
+        let (numbers, rows) = (self.gather(&numbers)?, self.gather(&rows)?);
+        for (&number, row) in numbers.iter().zip(rows.chunks_exact(width)) {
+            if let Some(node) = part.local_node(number as u32).filter(|&node| !part.is_own_node[node as usize]) {
+                values[width * node as usize..][..width].copy_from_slice(row);
+            }
+        }
+        Ok(())
+    }
+
     /// Gathers the values of all ranks, in the order of ranks. Collective.
     pub fn gather<T: AnyBitPattern + NoUninit>(&self, own: &[T]) -> Result<Vec<T>, TwoScaleError> {
         let all = self.comm.gather_all(Message::of(own))?;
@@ -137,5 +163,51 @@ impl<C: Comm> DividedBody<C> {
         let per_model = sums[4..].iter().map(|&sum| sum as usize).collect();
         self.counts = RveCounts { rves, per_model, asleep, waiting, deleted };
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::backends::comm::thread;
+    use crate::fem::mesh::Division;
+    use crate::fem::mesh::shapes::cuboid;
+    use crate::tissue::two_scale::partition;
+
+    /// Sums at the nodes of own elements are those of the whole body, bit for bit, whatever the number of ranks.
+    #[test]
+    fn values_at_nodes_do_not_depend_on_ranks() {
+        let whole = cuboid([3, 2, 2], [1.0; 3]).unwrap();
+        let sums = |mesh: &Mesh, in_whole: &dyn Fn(usize) -> usize| {
+            let mut sums = vec![0.0; 2 * mesh.nodes().len()];
+            for (element, nodes) in mesh.elements().iter().enumerate() {
+                for &node in nodes {
+                    sums[2 * node as usize] += 1.0;
+                    sums[2 * node as usize + 1] += 1.0 / (1.0 + in_whole(element) as f64);
+                }
+            }
+            sums
+        };
+        let expected = sums(&whole, &|element| element);
+        for ranks in [1, 2, 4] {
+            let main = |comm: thread::ThreadComm| -> Result<usize, TwoScaleError> {
+                let division = Division::new(&whole, partition(&whole, ranks), ranks, std::iter::empty());
+                let mesh = whole.divided(&division, comm.rank());
+                let part = mesh.part().unwrap();
+                let mut values = sums(&mesh, &|element| part.elements[element] as usize);
+                let complete = |values: &[f64], node: u32| {
+                    let in_whole = part.nodes[node as usize] as usize;
+                    values[2 * node as usize..][..2] == expected[2 * in_whole..][..2]
+                };
+                let mut of_own: Vec<u32> = Vec::new();
+                part.own_elements().for_each(|element| of_own.extend(mesh.elements().get(element).unwrap()));
+                let incomplete = of_own.iter().filter(|&&node| !complete(&values, node)).count();
+                DividedBody::new(&comm, &mesh, part).share_at_nodes(&mesh, part, 2, &mut values)?;
+                assert!(of_own.iter().all(|&node| complete(&values, node)));
+                Ok(incomplete)
+            };
+            let incomplete = thread::run(ranks, main).unwrap();
+            assert_eq!(incomplete.iter().sum::<usize>() > 0, ranks > 1, "nothing was to be shared");
+        }
     }
 }

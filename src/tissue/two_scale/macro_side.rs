@@ -11,6 +11,7 @@ use super::TwoScaleError;
 use super::balance::{BalanceReport, When};
 use super::divided::DividedBody;
 use super::micro_proxy::{BodySolve, MicroProxy};
+use super::progress::{ProgressChannel, ProgressReceiver};
 use super::protocol::{Outcome, RankTimes, RveFailure, Task, UnitReport};
 use super::shard::RveUpdate;
 use crate::coupling::{Scales, UnitId};
@@ -34,6 +35,8 @@ pub struct ScaleField<'a, C: Comm, B: Backend> {
     rank_of: Vec<u32>,
     reports: Reports,
     failed_rve: Mutex<Option<FailedRve>>,
+    /// The progress of the RVEs, on a root that receives it.
+    progress: Option<Arc<Mutex<ProgressReceiver<C>>>>,
     /// The reason why other ranks do not respond or are out of step; once it is set, nothing is exchanged.
     broken: Arc<OnceLock<String>>,
 }
@@ -78,6 +81,7 @@ impl<'a, C: Comm, B: RealBackend> ScaleField<'a, C, B> {
             rank_of: vec![scales.world().rank() as u32; points],
             reports: Reports { units: (0..points).map(|_| None).collect(), ..Reports::default() },
             failed_rve: Mutex::new(None),
+            progress: None,
             broken: Arc::default(),
         };
         Ok((field, warnings))
@@ -96,12 +100,29 @@ impl<'a, C: Comm, B: RealBackend> ScaleField<'a, C, B> {
         })
     }
 
+    /// Receives the progress of the RVEs on the root of the macro scale, which the ranks of the micro scale send if
+    /// [`run_micro`](super::run_micro) gets the same channel.
+    ///
+    /// # Errors
+    /// Returns [`TwoScaleError::Scale`] if there is no micro scale.
+    pub fn receive_progress(&mut self, channel: &ProgressChannel<C>) -> Result<(), TwoScaleError> {
+        if self.micro.scales.comm().rank() == 0 {
+            self.progress = Some(Arc::new(Mutex::new(ProgressReceiver::new(channel, self.micro.scales)?)));
+        }
+        Ok(())
+    }
+
     /// Couples the scales and creates the initial RVEs. From then on the other ranks carry out commands of this one,
     /// until it is dropped.
     ///
     /// # Errors
     /// Returns [`TwoScaleError`] if communication fails.
     pub fn couple(&mut self) -> Result<(), TwoScaleError> {
+        let coupled = self.couple_scales();
+        self.record_error(coupled)
+    }
+
+    fn couple_scales(&mut self) -> Result<(), TwoScaleError> {
         self.micro.couple()?;
         if let Some(divided) = &mut self.divided {
             divided.couple(&self.sites)?;
@@ -257,7 +278,10 @@ impl<C: Comm, B: Backend> Drop for ScaleField<'_, C, B> {
     fn drop(&mut self) {
         if self.micro.is_coupled() && self.broken.get().is_none() && !std::thread::panicking() {
             // An error here means that the other ranks have ended.
-            let _ = self.micro.complete();
+            let completed = self.micro.complete();
+            if let (Ok(()), Some(progress)) = (completed, &self.progress) {
+                let _ = progress.lock().unwrap_or_else(PoisonError::into_inner).receive_all();
+            }
         }
     }
 }

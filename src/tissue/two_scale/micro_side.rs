@@ -2,6 +2,7 @@
 
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Instant;
 
 use serde::Serialize;
@@ -9,6 +10,7 @@ use serde::Serialize;
 use super::TwoScaleError;
 use super::balance::{BalanceParams, MigrationReport, RveBalancer, RveWeights};
 use super::channels::Channels;
+use super::progress::{ProgressChannel, ProgressSender};
 use super::protocol::{
     Command, MACRO, NewRve, PieceFailure, RankReport, RankTimes, RveFailure, RveResponse, RveTask, Task, UnitReport,
     pack, unpack,
@@ -33,6 +35,8 @@ pub struct MicroOutput {
 
 /// The main function of the micro scale on one rank. With `balance`, the ranks balance their load;
 /// [`ScaleField::new`](super::ScaleField::new) gets its `when`.
+/// With `progress`, the root of the macro scale gets to know the progress of the RVEs, if it calls
+/// [`ScaleField::receive_progress`](super::ScaleField::receive_progress).
 ///
 /// # Errors
 /// Returns [`TwoScaleError`] if communication fails or a message does not follow the protocol.
@@ -41,6 +45,7 @@ pub fn run<C: Comm, B: RealBackend, P: Planner, W: RveWeights>(
     library: Library<B>,
     output: MicroOutput,
     balance: Option<BalanceParams<P, W>>,
+    progress: Option<&ProgressChannel<C>>,
 ) -> Result<(), TwoScaleError> {
     let macro_scale = scales.find(MACRO).ok_or(TwoScaleError::Scale(MACRO))?;
     let channels = Channels::new(scales)?;
@@ -52,7 +57,10 @@ pub fn run<C: Comm, B: RealBackend, P: Planner, W: RveWeights>(
         units.keep_costs();
     }
     let networks = output.networks;
-    MicroSide { scales, macro_scale, networks, units, channels, balancer, tasks, failed, times, between }.run()
+    let activity = Arc::clone(units.activity());
+    let sender = progress.map(|channel| ProgressSender::start(channel, scales, activity)).transpose()?;
+    MicroSide { scales, macro_scale, networks, units, channels, balancer, tasks, failed, times, between }.run()?;
+    sender.map_or(Ok(()), ProgressSender::end)
 }
 
 /// The RVEs of a rank and their couplings.

@@ -10,6 +10,7 @@
 //! | `channels` | the couplings of the RVEs of one rank, the same on both scales |
 //! | `micro_side` | the micro scale: solves its RVEs and sends the responses |
 //! | `balance` | moves RVEs between the ranks of the micro scale |
+//! | `progress` | what the RVEs of all ranks do, for a report of progress |
 //! | `partition` | assigns elements to macro ranks |
 //!
 //! The root of the macro scale broadcasts a command; the micro scale carries it out:
@@ -90,7 +91,7 @@
 //!         let (library, _) = Library::<Sparse>::read((), materials())?;
 //!         let output = MicroOutput { networks: ElementSelection::None, costs: false };
 //!         let balance = BalanceParams { planner: by_turns, weights: last_iterations, trigger, when };
-//!         return Ok(run_micro(&scales, library, output, Some(balance))?);
+//!         return Ok(run_micro(&scales, library, output, Some(balance), None)?);
 //!     }
 //!     let mesh = cuboid([2, 2, 2], [1.0; 3])?;
 //!     let (mut field, _) =
@@ -115,6 +116,7 @@ mod macro_side;
 mod micro_proxy;
 mod micro_side;
 mod partition;
+mod progress;
 mod protocol;
 mod shard;
 
@@ -126,6 +128,7 @@ pub use macro_side::ScaleField;
 pub use micro_proxy::BodySolve;
 pub use micro_side::{MicroOutput, run as run_micro};
 pub use partition::partition;
+pub use progress::ProgressChannel;
 pub use protocol::{MACRO, MICRO, RankTimes};
 #[cfg(feature = "app")]
 pub(crate) use protocol::{pack, unpack};

@@ -189,13 +189,14 @@ fn in_order_of(base: &Fields, fields: Fields) -> Option<Fields> {
         values.into_iter().zip(places).for_each(|(value, place)| sorted[place] = value);
         sorted
     }
+    let at_points = || points.iter().map(|&point| point as usize);
     let at_elements = || elements.iter().copied();
     Some(Fields {
         points: base.points.clone(),
         elements: base.elements.clone(),
-        point_vectors: (fields.point_vectors.into_iter())
-            .map(|(name, values)| (name, sorted(values, points.iter().map(|&point| point as usize))))
-            .collect(),
+        point_scalars: fields.point_scalars.into_iter().map(|(name, v)| (name, sorted(v, at_points()))).collect(),
+        point_vectors: fields.point_vectors.into_iter().map(|(name, v)| (name, sorted(v, at_points()))).collect(),
+        point_tensors: fields.point_tensors.into_iter().map(|(name, v)| (name, sorted(v, at_points()))).collect(),
         cell_scalars: fields.cell_scalars.into_iter().map(|(name, v)| (name, sorted(v, at_elements()))).collect(),
         cell_integers: fields.cell_integers.into_iter().map(|(name, v)| (name, sorted(v, at_elements()))).collect(),
         cell_vectors: fields.cell_vectors.into_iter().map(|(name, v)| (name, sorted(v, at_elements()))).collect(),

@@ -7,6 +7,7 @@ mod networks;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
+use biotissue::app::Examination;
 use biotissue::app::case::Case;
 use biotissue::app::material_fields::FieldRange;
 use biotissue::app::run::{Forecast, MemoryForecast, NetworkSize, ProblemSize};
@@ -117,7 +118,7 @@ impl Job for CheckJob {
     fn run<B: ProgramBackend>(self, context: B::Context) -> Result<Plan, Failure> {
         let setup = setup::<B>(context, self.case)?;
         let (size, memory) = setup.problem_size().map_err(|error| not_set_up(&CaseHints::of(setup.case()), error))?;
-        let floppy = setup.floppy_networks();
+        let floppy = setup.floppy_networks(Examination::Thorough);
         output::warn(&floppy.warnings);
         let ProblemSize { elements, nodes, unknowns, rves, networks, solver, steps, threads, .. } = size;
         let (conditions, free_surfaces) = conditions(setup.case(), setup.mesh(), setup.load_sizes());

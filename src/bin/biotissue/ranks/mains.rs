@@ -2,6 +2,7 @@
 
 use std::sync::OnceLock;
 
+use biotissue::app::Examination;
 use biotissue::app::case::Case;
 use biotissue::app::macro_scale;
 use biotissue::app::material_fields;
@@ -12,7 +13,9 @@ use biotissue::coupling::{ScaleError, Scales};
 use biotissue::las::Comm;
 use biotissue::tissue::materials::Materials;
 use biotissue::tissue::micro_scale::Library;
-use biotissue::tissue::two_scale::{self, BodySolve, MACRO, MICRO, MicroOutput, ScaleField, TwoScaleError};
+use biotissue::tissue::two_scale::{
+    self, BodySolve, MACRO, MICRO, MicroOutput, ProgressChannel, ScaleField, TwoScaleError,
+};
 
 use super::{Outcome, Ranks, RunContext, agreed, ranks_failed};
 use crate::dispatch::{Job, ProgramBackend, dispatch};
@@ -27,32 +30,40 @@ pub(super) fn on_scale<C: Ranks>(
     scales: &Scales<C>,
     run: &RunContext<'_>,
 ) -> Result<Option<Outcome>, Failure> {
+    // All ranks hold it until they end, because freeing it is collective.
+    let progress = ProgressChannel::new(world, run.steps.report_every, run.time_out);
+    let progress = &progress.map_err(|error| ranks_failed(&error))?;
     match scales.name(scales.own()) {
         MICRO => {
             // PETSc and CUDA solve only for the body. The RVEs then use the first compiled backend, which
             // `ProgramBackend::Micro` of these must equal.
             let of_body = [BackendName::Petsc, BackendName::Cuda].map(BackendName::as_str);
             let backend = run.backend.filter(|name| !of_body.contains(name));
-            return dispatch(backend, MicroRank { world, scales, run });
+            return dispatch(backend, MicroRank { world, scales, run, progress });
         }
         MACRO => {}
         other => return Err(ranks_failed(&ScaleError::NoMain(other.to_owned()))),
     }
     #[cfg(feature = "petsc")]
     if run.backend == Some(BackendName::Petsc.as_str()) {
-        return run_distributed(world, scales, run);
+        return run_distributed(world, scales, run, progress);
     }
     match scales.comm().rank() {
-        0 => dispatch(run.backend, MacroRank { world, scales, run, body_solve: BodySolve::Root }).map(Some),
+        0 => dispatch(run.backend, MacroRank { world, scales, run, progress, body_solve: BodySolve::Root }).map(Some),
         _ => run_follower(world, scales, run),
     }
 }
 
 /// Runs the macro scale on all its ranks with PETSc; only the root returns the outcome.
 #[cfg(feature = "petsc")]
-fn run_distributed<C: Ranks>(world: &C, scales: &Scales<C>, run: &RunContext<'_>) -> Result<Option<Outcome>, Failure> {
+fn run_distributed<C: Ranks>(
+    world: &C,
+    scales: &Scales<C>,
+    run: &RunContext<'_>,
+    progress: &ProgressChannel<C>,
+) -> Result<Option<Outcome>, Failure> {
     let context = scales.comm().petsc()?;
-    let rank = MacroRank { world, scales, run, body_solve: BodySolve::Distributed };
+    let rank = MacroRank { world, scales, run, progress, body_solve: BodySolve::Distributed };
     let outcome = rank.run::<biotissue::backends::petsc::Petsc>(context)?;
     Ok((scales.comm().rank() == 0).then_some(outcome))
 }
@@ -70,13 +81,14 @@ struct MicroRank<'a, C: Comm> {
     world: &'a C,
     scales: &'a Scales<C>,
     run: &'a RunContext<'a>,
+    progress: &'a ProgressChannel<C>,
 }
 
 impl<C: Ranks> Job for MicroRank<'_, C> {
     type Output = Option<Outcome>;
 
     fn run<B: ProgramBackend>(self, _: B::Context) -> Result<Self::Output, Failure> {
-        let Self { world, scales, run } = self;
+        let Self { world, scales, run, progress } = self;
         // The macro scale reads the same files and reports their errors.
         let read = materials(&run.case).and_then(|materials| {
             let device = materials.rve.device;
@@ -91,7 +103,8 @@ impl<C: Ranks> Job for MicroRank<'_, C> {
         if let Ok((library, _)) = agreed(world, read)? {
             let case = &run.case;
             let output = MicroOutput { networks: case.output.rve.clone(), costs: case.output.costs };
-            two_scale::run_micro(scales, library, output, case.scales.balance).map_err(|error| ranks_failed(&error))?;
+            two_scale::run_micro(scales, library, output, case.scales.balance, Some(progress))
+                .map_err(|error| ranks_failed(&error))?;
         }
         Ok(None)
     }
@@ -111,6 +124,7 @@ struct MacroRank<'a, C: Comm> {
     world: &'a C,
     scales: &'a Scales<C>,
     run: &'a RunContext<'a>,
+    progress: &'a ProgressChannel<C>,
     body_solve: BodySolve,
 }
 
@@ -119,7 +133,7 @@ impl<C: Ranks> Job for MacroRank<'_, C> {
 
     /// Runs with the body on backend `B`. An outer error is one unknown to the other ranks.
     fn run<B: ProgramBackend>(self, context: B::Context) -> Result<Self::Output, Failure> {
-        let Self { world, scales, run, body_solve } = self;
+        let Self { world, scales, run, progress, body_solve } = self;
         let case = run.case.clone();
         let hints = CaseHints::of(&case);
         let (rank, ranks) = (scales.comm().rank(), scales.comm().size());
@@ -135,7 +149,11 @@ impl<C: Ranks> Job for MacroRank<'_, C> {
             Err(failure) => return Ok(Err(failure)),
         };
         let is_root = scales.comm().rank() == 0;
-        output::warn(if is_root { setup.warnings() } else { &[] });
+        if is_root {
+            output::warn(setup.warnings());
+            output::warn(&setup.floppy_networks(Examination::Quick).warnings);
+        }
+        setup.material_mut().receive_progress(progress).map_err(|error| ranks_failed(&error))?;
         setup.material_mut().couple().map_err(|error: TwoScaleError| ranks_failed(&error))?;
         let broken = setup.material_mut().broken();
         let mut simulation = match setup.simulation() {

@@ -8,8 +8,8 @@ use nalgebra::Matrix3;
 use crate::backends::sparse::Sparse;
 use crate::fem::mesh::shapes::cuboid;
 use crate::fem::point_field::{PointField, PointResponses};
-use crate::fiber::batch::{BatchEquilibrium, BatchSolver};
-use crate::fiber::equilibrium::EquilibriumParams;
+use crate::fiber::batch::{BatchEquilibrium, BatchProgress, BatchSolver};
+use crate::fiber::equilibrium::{EquilibriumParams, Stage};
 use crate::fiber::rve::{Rve, RveModel, StressScale};
 use crate::las::conformance::Random;
 use crate::rve_batch::LaneBatch;
@@ -122,7 +122,7 @@ impl BatchSolver for Reporting {
         _: &mut [&mut Rve],
         targets: &[Matrix3<f64>],
         _: &EquilibriumParams,
-        _: &(dyn Fn(usize) + Sync),
+        _: &dyn BatchProgress,
     ) -> Result<Vec<Option<BatchEquilibrium>>, String> {
         self.0.send(targets.to_vec()).unwrap();
         Ok(vec![None; targets.len()])
@@ -207,7 +207,7 @@ impl BatchSolver for Broken {
         _: &mut [&mut Rve],
         _: &[Matrix3<f64>],
         _: &EquilibriumParams,
-        _: &(dyn Fn(usize) + Sync),
+        _: &dyn BatchProgress,
     ) -> Result<Vec<Option<BatchEquilibrium>>, String> {
         Err("the device fell off the bus".into())
     }
@@ -226,9 +226,13 @@ impl BatchSolver for Leaving {
         rves: &mut [&mut Rve],
         _: &[Matrix3<f64>],
         _: &EquilibriumParams,
-        progress: &(dyn Fn(usize) + Sync),
+        progress: &dyn BatchProgress,
     ) -> Result<Vec<Option<BatchEquilibrium>>, String> {
-        progress(3);
+        for (first, done) in [(0, 1), (20, 2)] {
+            progress.begin(first);
+            self.1.send(self.0.progress()).unwrap();
+            progress.end(first, done);
+        }
         self.1.send(self.0.progress()).unwrap();
         Ok(vec![None; rves.len()])
     }
@@ -242,7 +246,7 @@ impl BatchSolver for Leaving {
 #[test]
 fn batches_report_their_progress() {
     let mut field = field(true);
-    let activity = Arc::clone(field.activity().as_ref().unwrap());
+    let activity = Arc::clone(field.units.activity());
     let (sender, reports) = mpsc::channel();
     let of_solver = Arc::clone(&activity);
     let leaving = move |_: &_| Some(Box::new(Leaving(of_solver.clone(), sender.clone())) as Box<dyn BatchSolver>);
@@ -251,6 +255,11 @@ fn batches_report_their_progress() {
     let targets = [1, 2].map(|seed| gradients(0.01, seed));
     for targets in &targets {
         field.update(targets, &mut PointResponses::default()).unwrap();
+        for (first, done) in [(0, 0), (20, 1)] {
+            let progress = reports.try_recv().unwrap().unwrap();
+            let slowest = progress.slowest.unwrap();
+            assert_eq!((progress.done, slowest.point.element, slowest.stage), (done, first, Some(Stage::Newton)));
+        }
         let expected = RveProgress { rves: ELEMENTS, done: 3, slowest: None };
         assert_eq!(reports.try_recv().unwrap(), Some(expected));
     }

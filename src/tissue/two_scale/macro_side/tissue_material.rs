@@ -7,14 +7,15 @@ use std::sync::PoisonError;
 use super::super::TwoScaleError;
 use super::super::balance::BalanceReport;
 use super::super::micro_proxy::{BodySolve, MicroProxy};
+use super::super::progress::ProgressReceiver;
 use super::super::protocol::{PieceFailure, RankTimes};
 use super::ScaleField;
 use crate::coupling::UnitId;
 use crate::fem::mesh::Mesh;
 use crate::las::{Comm, RealBackend};
 use crate::tissue::micro_scale::{
-    DeformedNetwork, FailedRve, FieldRestoreError, Library, Piece, PieceError, PointSummary, RveCost, RveCounts,
-    RveStats, SavedSites, Sites, TissueMaterial, check_count,
+    DeformedNetwork, FailedRve, FieldRestoreError, Library, Piece, PieceError, PointSummary, ProgressSource, RveCost,
+    RveCounts, RveStats, SavedSites, Sites, TissueFieldError, TissueMaterial, check_count,
 };
 
 impl<C: Comm, B: RealBackend> TissueMaterial for ScaleField<'_, C, B> {
@@ -53,6 +54,15 @@ impl<C: Comm, B: RealBackend> TissueMaterial for ScaleField<'_, C, B> {
 
     fn take_costs(&self) -> Vec<Vec<RveCost>> {
         std::mem::take(&mut self.reports.costs.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    fn share_at_nodes(&self, mesh: &Mesh, width: usize, values: &mut [f64]) -> Result<(), TissueFieldError> {
+        let (Some(divided), Some(part)) = (&self.divided, mesh.part()) else { return Ok(()) };
+        Ok(self.record_error(divided.share_at_nodes(mesh, part, width, values))?)
+    }
+
+    fn progress_source(&self) -> Option<ProgressSource> {
+        self.progress.as_ref().map(ProgressReceiver::source)
     }
 
     fn take_failed_rve(&self) -> Option<FailedRve> {

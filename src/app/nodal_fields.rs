@@ -1,0 +1,131 @@
+//! Averages at the nodes of the fields of the elements, on request.
+
+use super::results::FieldSet;
+use crate::tissue::micro_scale::TissueFieldError;
+
+/// What the name of an average begins with; the name of the field of the elements follows.
+const PREFIX: &str = "nodal_";
+
+/// The mean of fields over the elements around each node, of all regions, as one table.
+///
+/// The mean at a node is summed in the order of the elements, so that it depends on nothing but their values.
+#[derive(Debug, Default, PartialEq)]
+pub(super) struct NodalFields {
+    scalars: Vec<(&'static str, Vec<f64>)>,
+    vectors: Vec<(&'static str, Vec<[f64; 3]>)>,
+    tensors: Vec<(&'static str, Vec<[f64; 9]>)>,
+}
+
+/// A field of the elements and the name of its average.
+struct Column<'a> {
+    name: &'static str,
+    /// Numbers per element.
+    size: usize,
+    values: &'a [f64],
+}
+
+impl NodalFields {
+    /// Averages the fields whose averages are among `names`. `share` gets the table, with its numbers per node, and replaces
+    /// the means at nodes whose elements are not all known here; it is called on all ranks if any average is selected.
+    ///
+    /// # Errors
+    /// Returns the error of `share`.
+    pub fn of(
+        fields: &FieldSet<'_>,
+        names: &[&'static str],
+        share: impl FnOnce(usize, &mut [f64]) -> Result<(), TissueFieldError>,
+    ) -> Result<Self, TissueFieldError> {
+        let columns = columns(fields, names);
+        let width: usize = columns.iter().map(|column| column.size).sum();
+        if width == 0 {
+            return Ok(Self::default());
+        }
+        let mut table = means(fields, &columns, width);
+        share(width, &mut table)?;
+        let (mut averages, mut first) = (Self::default(), 0);
+        for Column { name, size, .. } in columns {
+            let rows = || table.chunks_exact(width).map(|row| &row[first..first + size]);
+            match size {
+                1 => averages.scalars.push((name, rows().map(|row| row[0]).collect())),
+                3 => averages.vectors.push((name, rows().map(|row| std::array::from_fn(|k| row[k])).collect())),
+                _ => averages.tensors.push((name, rows().map(|row| std::array::from_fn(|k| row[k])).collect())),
+            }
+            first += size;
+        }
+        Ok(averages)
+    }
+
+    /// Adds the averages to the fields of the points.
+    pub fn add_to<'a>(&'a self, fields: &mut FieldSet<'a>) {
+        fields.point_scalars.extend(self.scalars.iter().map(|(name, values)| (*name, values.as_slice())));
+        fields.point_vectors.extend(self.vectors.iter().map(|(name, values)| (*name, values.as_slice())));
+        fields.point_tensors.extend(self.tensors.iter().map(|(name, values)| (*name, values.as_slice())));
+    }
+}
+
+/// Returns true if a field of the elements or its average is among `names`.
+pub(super) fn is_needed(field: &str, names: &[&str]) -> bool {
+    names.iter().any(|name| *name == field || name.strip_prefix(PREFIX) == Some(field))
+}
+
+/// Returns the selected fields, in the order of the files.
+fn columns<'a>(fields: &FieldSet<'a>, names: &[&'static str]) -> Vec<Column<'a>> {
+    let scalars = fields.cell_scalars.iter().map(|&(name, values)| (name, 1, values));
+    let vectors = fields.cell_vectors.iter().map(|&(name, values)| (name, 3, values.as_flattened()));
+    let tensors = fields.cell_tensors.iter().map(|&(name, values)| (name, 9, values.as_flattened()));
+    let selected = |field: &str| names.iter().copied().find(|name| name.strip_prefix(PREFIX) == Some(field));
+    let all = scalars.chain(vectors).chain(tensors);
+    all.filter_map(|(field, size, values)| Some(Column { name: selected(field)?, size, values })).collect()
+}
+
+/// Returns the means at all nodes, `width` numbers for each; 0 at a node without elements.
+fn means(fields: &FieldSet<'_>, columns: &[Column<'_>], width: usize) -> Vec<f64> {
+    let mut table = vec![0.0; width * fields.points.len()];
+    let mut counts = vec![0.0_f64; fields.points.len()];
+    for (element, nodes) in fields.elements.iter().enumerate() {
+        for &node in nodes {
+            let node = node as usize;
+            counts[node] += 1.0;
+            let of_element = columns.iter().flat_map(|column| &column.values[column.size * element..][..column.size]);
+            table[width * node..].iter_mut().zip(of_element).for_each(|(sum, value)| *sum += value);
+        }
+    }
+    for (row, count) in table.chunks_exact_mut(width).zip(&counts) {
+        row.iter_mut().for_each(|sum| *sum /= count.max(1.0));
+    }
+    table
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nodes_have_the_means_of_their_elements() {
+        let elements = vec![[0, 1, 2, 3], [1, 2, 3, 4]].into();
+        let (energy, stress) = ([1.0, 4.0], [[2.0; 9], [3.0; 9]]);
+        let fields = FieldSet {
+            points: &[[0.0; 3]; 6],
+            elements: &elements,
+            cell_scalars: vec![("energy_density", &energy), ("stretch_min", &energy)],
+            cell_tensors: vec![("cauchy_stress", &stress)],
+            ..FieldSet::default()
+        };
+        let names = ["cauchy_stress", "nodal_cauchy_stress", "nodal_energy_density"];
+        let share = |width: usize, table: &mut [f64]| {
+            assert_eq!((width, table.len()), (10, 60));
+            table[50] = 7.0;
+            Ok(())
+        };
+        let found = NodalFields::of(&fields, &names, share).unwrap();
+        let expected = NodalFields {
+            scalars: vec![("nodal_energy_density", vec![1.0, 2.5, 2.5, 2.5, 4.0, 7.0])],
+            vectors: Vec::new(),
+            tensors: vec![("nodal_cauchy_stress", [2.0, 2.5, 2.5, 2.5, 3.0, 0.0].map(|value| [value; 9]).to_vec())],
+        };
+        assert_eq!(found, expected);
+        let none = NodalFields::of(&fields, &names[..1], |_, _| panic!("nothing is shared")).unwrap();
+        assert_eq!(none, NodalFields::default());
+        assert!(is_needed("energy_density", &names) && !is_needed("stretch_min", &names));
+    }
+}
