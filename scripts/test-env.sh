@@ -25,5 +25,5 @@ if ! "$python/bin/python3" -c 'import meshio, vtk' 2>/dev/null; then
     python3 -m venv "$python"
     "$python/bin/pip" install --quiet --disable-pip-version-check meshio vtk
 fi
-export PATH="$python/bin:$PATH" BIOTISSUE_REQUIRE_PYTHON=1
+export PATH="$python/bin:$PATH" BIOTISSUE_REQUIRE_PYTHON=1 BIOTISSUE_REQUIRE_BROWSER="${BIOTISSUE_REQUIRE_BROWSER:-1}"
 export OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 OPENBLAS_NUM_THREADS=1

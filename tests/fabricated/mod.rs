@@ -147,6 +147,27 @@ pub fn write(dir: &Path, cells: [usize; 3]) {
     log.write(&Event::End(End { converged: true, reason: None, steps: STEPS, seconds: 127.3 })).unwrap();
 }
 
+/// Writes the fields of one step, displacements and a stress, of a bar of many cells.
+#[allow(dead_code, reason = "not all tests with this module use it")]
+pub fn write_large(dir: &Path, cells: [usize; 3]) -> usize {
+    let bar = Bar::new(cells);
+    let displacement: Vec<[f64; 3]> =
+        bar.points.iter().map(|[x, ..]| [0.25 * LENGTH * elongation(*x), 0.0, 0.0]).collect();
+    let stress: Vec<f64> =
+        (0..bar.elements.len()).map(|element| 1e4 * (1.0 + bar.center(element)[0] / LENGTH)).collect();
+    let file = field_file(1);
+    let set = FieldSet {
+        points: &bar.points,
+        elements: &bar.elements,
+        point_vectors: vec![("displacement", &displacement)],
+        cell_scalars: vec![("von_mises_stress", &stress)],
+        ..FieldSet::default()
+    };
+    write_vtu(&dir.join(&file), &set).unwrap();
+    Collection::new(dir.join(FIELDS_FILE)).add(1.0, &file).unwrap();
+    bar.elements.len()
+}
+
 fn newton(step: usize) -> NewtonLog {
     let relative: Vec<f64> = [1.0, 2e-2 * step as f64 / 10.0, 3e-5, 2e-10][..3 + step % 2].to_vec();
     NewtonLog {
