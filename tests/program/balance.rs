@@ -77,9 +77,9 @@ fn migrations_do_not_change_results() {
         ((1, 4), "planner = \"longest-first\""),
         // Few RVEs on each rank: METIS must not print into the summary.
         #[cfg(feature = "metis")]
-        ((1, 14), "planner = \"metis\", weights = \"seconds\""),
+        ((1, 14), "planner = \"metis\", weights = \"iterations\""),
         #[cfg(feature = "metis")]
-        ((2, 3), "planner = \"metis\", weights = \"iterations\""),
+        ((2, 7), "planner = \"metis\", weights = \"iterations\""),
     ] {
         let still = format!("{}balance = {{ planner = \"none\" }}\n", with_scales(&text, scales));
         run(folder.path(), &still, "--out still").done();
