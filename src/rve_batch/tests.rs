@@ -9,7 +9,7 @@ use nalgebra::Matrix3;
 use super::*;
 use crate::backends::networks::lanes::Level;
 use crate::backends::sparse::Sparse;
-use crate::fiber::batch::BatchSolver;
+use crate::fiber::batch::{BatchProgress, BatchSolver};
 use crate::fiber::equilibrium::{converges_to, equilibrate};
 use crate::fiber::law::FiberMaterial;
 use crate::fiber::network::generate::{delaunay, voronoi};
@@ -74,6 +74,24 @@ fn compare(model: &Model, predicts: bool, increments: &[Vec<Matrix3<f64>>]) -> u
     left[0]
 }
 
+/// Counts the RVEs that are done, and the groups that began and did not end.
+#[derive(Default)]
+struct Counted {
+    done: AtomicUsize,
+    open: AtomicUsize,
+}
+
+impl BatchProgress for Counted {
+    fn begin(&self, _: usize) {
+        self.open.fetch_add(1, Ordering::Relaxed);
+    }
+
+    fn end(&self, _: usize, done: usize) {
+        self.open.fetch_sub(1, Ordering::Relaxed);
+        self.done.fetch_add(done, Ordering::Relaxed);
+    }
+}
+
 fn compare_with(batch: &mut dyn BatchSolver, model: &Model, predicts: bool, increments: &[Vec<Matrix3<f64>>]) -> usize {
     let params = EquilibriumParams::default();
     let count = increments[0].len();
@@ -83,12 +101,10 @@ fn compare_with(batch: &mut dyn BatchSolver, model: &Model, predicts: bool, incr
     let mut left = 0;
     for targets in increments {
         let mut all: Vec<&mut Rve> = of_batch.iter_mut().collect();
-        let done = AtomicUsize::new(0);
-        let progress = |rves: usize| {
-            done.fetch_add(rves, Ordering::Relaxed);
-        };
+        let progress = Counted::default();
         let solved = batch.solve(&mut all, targets, &params, &progress).unwrap();
-        assert_eq!(done.into_inner(), solved.iter().flatten().count());
+        assert_eq!(progress.done.into_inner(), solved.iter().flatten().count());
+        assert_eq!(progress.open.into_inner(), 0, "groups that did not end");
         for (number, (rve, found)) in alone.iter_mut().zip(&solved).enumerate() {
             let before = rve.clone();
             let expected = equilibrate(model, rve, &targets[number], &params, &mut workspace);

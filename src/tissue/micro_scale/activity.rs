@@ -81,7 +81,7 @@ impl Activity {
     }
 
     /// Starts an evaluation of so many RVEs; it ends when the guard is dropped.
-    pub(super) fn evaluate(&self, rves: usize) -> EvaluationGuard<'_> {
+    pub(in crate::tissue) fn evaluate(&self, rves: usize) -> EvaluationGuard<'_> {
         let mut evaluation = self.lock();
         let number = evaluation.number + 1;
         *evaluation = Evaluation { number, is_in_progress: true, rves, ..Evaluation::default() };
@@ -89,7 +89,7 @@ impl Activity {
     }
 
     /// Counts RVEs as done that need no solution.
-    pub(super) fn skip(&self, rves: usize) {
+    pub(in crate::tissue) fn skip(&self, rves: usize) {
         self.lock().done += rves;
     }
 
@@ -125,7 +125,7 @@ impl Activity {
 }
 
 /// Ends an evaluation.
-pub(super) struct EvaluationGuard<'a>(&'a Activity);
+pub(in crate::tissue) struct EvaluationGuard<'a>(&'a Activity);
 
 impl Drop for EvaluationGuard<'_> {
     fn drop(&mut self) {

@@ -200,7 +200,7 @@ mod tests {
                     values[2 * node as usize..][..2] == expected[2 * in_whole..][..2]
                 };
                 let mut of_own: Vec<u32> = Vec::new();
-                part.own_elements().for_each(|element| of_own.extend(mesh.elements().get(element).unwrap()));
+                part.own_elements().for_each(|element| of_own.extend(&mesh.elements()[element]));
                 let incomplete = of_own.iter().filter(|&&node| !complete(&values, node)).count();
                 DividedBody::new(&comm, &mesh, part).share_at_nodes(&mesh, part, 2, &mut values)?;
                 assert!(of_own.iter().all(|&node| complete(&values, node)));
