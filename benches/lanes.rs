@@ -205,9 +205,13 @@ fn measure_batched<const N: usize>(pattern: &Arc<Sparsity>, operations: f64) {
     let symbolic = Batched::<f64, N>::analyze(&(), pattern, &params).expect("a symmetric pattern");
     let mut solver = Batched::<f64, N>::solver(&symbolic).expect("a direct solver");
     let matrix = stiffness::<N>(pattern);
-    let factor = seconds_of_each::<N>(|| drop(solver.factor(&matrix).expect("a definite matrix")));
+    let factor = seconds_of_each::<N>(|| {
+        solver.factor(&matrix).expect("a definite matrix");
+    });
     let (b, mut x) = (vec![Lanes([1.0; N]); pattern.rows()].into(), vec![Lanes([0.0; N]); pattern.rows()].into());
-    let solve = seconds_of_each::<N>(|| drop(solver.solve(&b, &mut x).expect("a factorization")));
+    let solve = seconds_of_each::<N>(|| {
+        solver.solve(&b, &mut x).expect("a factorization");
+    });
     let how = if symbolic.uses_vectors() { "side by side" } else { "one by one (`sparse`)" };
     println!("| {N}, {how} | {:.1} | {:.1} | {:.1} |", 1e6 * factor, 1e-9 * operations / factor, 1e6 * solve);
 }
