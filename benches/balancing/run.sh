@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Runs two uneven cases on two cores: on two micro ranks of one thread each without and with load balancing, and on one micro
 # rank with two threads, and prints how the ranks shared the work. The argument is a folder for networks and results, by
-# default target/balancing. There, status-mixed.svg (docs/balance-status.svg) and status-compressed.svg are the status charts of
+# default target/balancing. There, status-mixed.svg (docs/balance-status.svg) and status-compressed.svg (docs/balance-compressed.svg) are the charts of
 # the runs whose RVEs move.
 set -euo pipefail
 cd "$(dirname "$0")"
