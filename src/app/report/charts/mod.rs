@@ -34,10 +34,11 @@ pub struct Labels<'a> {
 /// Attributes of the bars of iteration counts.
 const PALE: &str = "fill=\"#bed0dc\"";
 
-/// Draws lines over linear axes.
+/// Draws lines over linear axes. Where all horizontal coordinates are whole, such as numbers of load steps, so are the ticks.
 pub fn lines(labels: Labels, lines: &[Line]) -> String {
     let points = || lines.iter().flat_map(|line| line.points.iter().copied());
-    let x = Axis::new(range(points().map(|(x, _)| x)), [LEFT, RIGHT], 8, 0.0);
+    let least_step = if points().all(|(x, _)| x.fract() == 0.0) { 1.0 } else { 0.0 };
+    let x = Axis::new(range(points().map(|(x, _)| x)), [LEFT, RIGHT], 8, least_step);
     let y = Axis::new(range(points().map(|(_, y)| y)), HEIGHT, 6, 0.0);
     let corner = emptiest_corner(lines, &x.range, &y.range);
     let mut chart = Chart::new(labels, x, y, true);
@@ -135,6 +136,17 @@ mod tests {
             axis.ticks.iter().map(|(_, label)| label.as_str()).collect::<Vec<_>>(),
             ["0", "1.00e-12", "2.00e-12"]
         );
+    }
+
+    #[test]
+    fn ticks_of_whole_numbers_are_whole() {
+        let labels = Labels { chart: "iterations", x: "load step", y: "iterations" };
+        let ticks = |points: &[(f64, f64)]| {
+            let svg = lines(labels, &[Line { name: "mean".into(), points: points.to_vec() }]);
+            svg.contains(">1.2<")
+        };
+        assert!(!ticks(&[(1.0, 3.0), (2.0, 4.0)]));
+        assert!(ticks(&[(1.0, 3.0), (1.5, 3.5), (2.0, 4.0)]));
     }
 
     #[test]

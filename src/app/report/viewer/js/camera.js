@@ -38,7 +38,7 @@ class Camera {
     const middle = low.map((x, c) => (x + high[c]) / 2);
     const depth = dot(this.center, this.toward);
     this.target = add(add(scale(this.right, middle[0]), scale(this.up, middle[1])), scale(this.toward, depth));
-    this.half = Math.max(0.56 * (high[1] - low[1]), (0.54 * (high[0] - low[0])) / aspect, 1e-12 * this.radius);
+    this.half = Math.max(0.56 * (high[1] - low[1]), (0.56 * (high[0] - low[0])) / aspect, 1e-12 * this.radius);
     return (high[1] - low[1]) / Math.max(high[0] - low[0], 1e-300);
   }
 
