@@ -138,6 +138,10 @@ pub fn a_time_out_of_gather_names_the_missing_rank<C: Comm>(comm: &C) -> Outcome
 
 /// A message whose receive was given up does not arrive on a later communicator.
 pub fn messages_of_abandoned_receives_do_not_arrive_elsewhere<C: Comm>(comm: &C) -> Outcome {
+    // A message to this rank itself may wait for its receive.
+    if comm.size() < 2 {
+        return Ok(());
+    }
     let (from, to) = neighbors(comm);
     for round in 0..3_u64 {
         let former = comm.duplicate(None)?;
