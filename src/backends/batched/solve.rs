@@ -8,8 +8,7 @@ use crate::backends::networks::lanes::{LaneAnalysis, LaneCholesky, LanePivots};
 use crate::backends::null_vector::null_vector_limit;
 use crate::backends::sparse::{self, Sparse, SparseScalar};
 use crate::las::{
-    Backend, FactorReport, Factorization, Method, SolveError, SolveReport, Solver as _, SolverParams, Sparsity,
-    Symmetry,
+    Backend, FactorReport, Factorization, SolveError, SolveReport, Solver as _, SolverParams, Sparsity, Symmetry,
 };
 
 /// The operations of a factorization from which the factors of all lanes no longer fit into the caches of a core.
@@ -32,10 +31,10 @@ impl Symbolic {
     ) -> Result<Self, Failure> {
         let single = Sparse::<T>::analyze(&(), pattern, params)?;
         let is_f64 = size_of::<T>() == size_of::<f64>();
-        let may_use = is_f64 && matches!(params.method, Method::Direct) && params.symmetry != Symmetry::None;
+        // Only symmetric matrices with a direct solver have operations. Those of a large system are not listed for lanes.
+        let may_use = is_f64 && single.operations().is_some_and(|operations| operations <= MOST_OPERATIONS);
         let lanes = if may_use { LaneAnalysis::new(N, pattern, single.order()) } else { None };
-        let lanes = lanes.filter(|lanes| lanes.operations() <= MOST_OPERATIONS).map(Arc::new);
-        Ok(Self { single, params: *params, pattern: Arc::clone(pattern), lanes })
+        Ok(Self { single, params: *params, pattern: Arc::clone(pattern), lanes: lanes.map(Arc::new) })
     }
 
     /// Returns true if definite matrices are factored in the lanes of vector registers, and not one after the other.
@@ -122,7 +121,7 @@ impl<T: SparseScalar, const N: usize> Solver<T, N> {
     }
 
     /// Factors the matrices of all lanes; returns a report or an error for each. The next solves give NaN in the lanes that
-    /// failed.
+    /// failed; if all failed, there is no factorization to solve with.
     ///
     /// # Errors
     /// Returns [`SolveError::Size`] or [`SolveError::Pattern`] if the pattern differs from the analyzed one.

@@ -43,11 +43,6 @@ impl LaneAnalysis {
         let blocks = Blocks::new(pattern, order)?;
         Some(Self { schedule: Schedule::new(blocks.order.len(), &blocks.edges, tile_of(level)), blocks, level })
     }
-
-    /// Floating-point operations of a factorization in one lane.
-    pub fn operations(&self) -> f64 {
-        self.schedule.operations()
-    }
 }
 
 /// Factors symmetric matrices with one pattern in the lanes of the vector registers, and solves with the factors.
