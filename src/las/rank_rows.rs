@@ -14,6 +14,7 @@ use std::ops::Range;
 ///   its own rows.
 /// * Norms and dot products are collective, and every rank gets the same bits.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "app", derive(serde::Serialize, serde::Deserialize))]
 pub struct RankRows {
     /// The global numbers of the rows that the rank owns.
     pub own: Range<usize>,

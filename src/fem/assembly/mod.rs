@@ -64,6 +64,7 @@ use nalgebra::{Matrix3, SMatrix};
 
 pub use geometry::{Geometry, GeometryError, geometry};
 pub use unknowns::{NodePattern, Unknowns};
+pub(in crate::fem) use unknowns::{PartUnknowns, RankNumbers};
 pub use volume::volume_tangent;
 
 use super::boundary::Load;

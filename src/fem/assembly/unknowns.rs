@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::fem::kinematics::{Kinematics, RigidSurface, Rows};
-use crate::fem::mesh::{Division, Mesh, Part};
+use crate::fem::mesh::{Division, Mesh};
 use crate::las::{RankRows, Sparsity, SparsityError};
 
 /// The equation numbers of the free displacement components: ascending by node, in mesh order or another given order,
@@ -17,13 +17,64 @@ pub struct Unknowns {
 }
 
 /// Numbers of the unknowns of a whole body, rank by rank.
-struct RankNumbers {
+pub(in crate::fem) struct RankNumbers {
     /// As [`Unknowns::equation_numbers`].
     of_nodes: Vec<i32>,
     /// As [`Unknowns::rigid_equations`].
     of_surfaces: Vec<[i32; 6]>,
     /// The first number of each rank, then the number of all.
     starts: Vec<usize>,
+}
+
+/// The unknowns of a part of a body by local numbers, and the rows of its rank ([`RankRows`]). The rank that owns the nodes
+/// of a rigid surface owns its unknowns; all others have them as ghosts.
+#[derive(Clone, Debug)]
+#[cfg_attr(feature = "app", derive(serde::Serialize, serde::Deserialize))]
+pub(in crate::fem) struct PartUnknowns {
+    /// As [`Unknowns::equation_numbers`].
+    of_nodes: Vec<i32>,
+    /// As [`Unknowns::rigid_equations`].
+    of_surfaces: Vec<[i32; 6]>,
+    pub rows: RankRows,
+}
+
+impl RankNumbers {
+    /// Returns the unknowns of the part of a rank, given its nodes.
+    pub fn on_part(&self, rank: usize, nodes: &[u32]) -> PartUnknowns {
+        let of_nodes = self.of_nodes.as_chunks::<3>().0;
+        let in_part = nodes.iter().flat_map(|&node| of_nodes[node as usize]);
+        let of_surfaces = self.of_surfaces.as_flattened().iter().copied();
+        let own = self.starts[rank]..self.starts[rank + 1];
+        let is_ghost = |&number: &i32| number >= 0 && !own.contains(&(number as usize));
+        let mut ghosts: Vec<u32> =
+            in_part.clone().chain(of_surfaces).filter(is_ghost).map(|number| number as u32).collect();
+        ghosts.sort_unstable();
+        let rows = RankRows { own, ghosts, total: self.starts[self.starts.len() - 1] };
+        let local = |number: i32| {
+            let row = usize::try_from(number).ok();
+            row.and_then(|row| rows.local_number(row)).map_or(-1, |local| local as i32)
+        };
+        PartUnknowns {
+            of_nodes: in_part.map(local).collect(),
+            of_surfaces: self.of_surfaces.iter().map(|numbers| numbers.map(local)).collect(),
+            rows,
+        }
+    }
+}
+
+impl PartUnknowns {
+    /// Returns the unknowns, whose displacements `kinematics` maps to those of nodes. [`Unknowns::free`] counts local
+    /// numbers, ghosts included.
+    pub fn with_kinematics(self, kinematics: &Arc<Kinematics>) -> (Unknowns, RankRows) {
+        let Self { of_nodes, of_surfaces, rows } = self;
+        let unknowns = Unknowns {
+            equation_numbers: of_nodes,
+            rigid_equations: of_surfaces,
+            kinematics: Arc::clone(kinematics),
+            free: rows.local(),
+        };
+        (unknowns, rows)
+    }
 }
 
 impl Unknowns {
@@ -86,41 +137,9 @@ impl Unknowns {
         Ok(self)
     }
 
-    /// Returns the unknowns of a part of the mesh by local numbers, and the rows of the rank ([`RankRows`]). The rank that
-    /// owns the nodes of a rigid surface owns its unknowns; all others have them as ghosts. [`Unknowns::free`] then counts
-    /// local numbers, ghosts included.
-    pub(in crate::fem) fn on_part(
-        &self,
-        division: &Division,
-        part: &Part,
-        kinematics: &Arc<Kinematics>,
-    ) -> (Self, RankRows) {
-        let renumbered = self.by_rank(division);
-        let of_nodes = renumbered.of_nodes.as_chunks::<3>().0;
-        let in_part = part.nodes.iter().flat_map(|&node| of_nodes[node as usize]);
-        let of_surfaces = renumbered.of_surfaces.as_flattened().iter().copied();
-        let own = renumbered.starts[part.rank]..renumbered.starts[part.rank + 1];
-        let is_ghost = |&number: &i32| number >= 0 && !own.contains(&(number as usize));
-        let all = in_part.clone().chain(of_surfaces);
-        let mut ghosts: Vec<u32> = all.filter(is_ghost).map(|number| number as u32).collect();
-        ghosts.sort_unstable();
-        let rows = RankRows { own, ghosts, total: self.free };
-        let local = |number: i32| {
-            let row = usize::try_from(number).ok();
-            row.and_then(|row| rows.local_number(row)).map_or(-1, |local| local as i32)
-        };
-        let unknowns = Self {
-            equation_numbers: in_part.map(local).collect(),
-            rigid_equations: renumbered.of_surfaces.iter().map(|numbers| numbers.map(local)).collect(),
-            kinematics: Arc::clone(kinematics),
-            free: rows.local(),
-        };
-        (unknowns, rows)
-    }
-
     /// Numbers the unknowns of the ranks one after the other: of each, those of its nodes, ascending, then those of its
     /// rigid surfaces.
-    fn by_rank(&self, division: &Division) -> RankNumbers {
+    pub(in crate::fem) fn by_rank(&self, division: &Division) -> RankNumbers {
         let rank_of_surface =
             |surface: &RigidSurface| surface.nodes.first().map_or(0, |&node| division.rank_of_node[node as usize]);
         let rank_of_surface: Vec<u32> = self.kinematics.rigid_surfaces().iter().map(rank_of_surface).collect();

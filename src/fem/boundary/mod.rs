@@ -80,6 +80,27 @@ impl Boundary {
     /// Returns [`BoundaryError`] if a name or node is unknown, a value is not finite, two conditions conflict, or a
     /// load couples nodes that no element contains.
     pub fn new(mesh: &Mesh, conditions: &Conditions) -> Result<Self, BoundaryError> {
+        let mut boundary = Self::without_supports(mesh, conditions)?;
+        if conditions.hold_free_modes {
+            boundary.hold_free_modes(mesh);
+        }
+        Ok(boundary)
+    }
+
+    /// Resolves the conditions on an excerpt of the mesh; `supports` are the [`Boundary::free_mode_supports`] of the whole
+    /// mesh. Loads and prescribed displacements at the nodes of the part are those on the whole mesh.
+    pub(in crate::fem) fn on_excerpt(
+        excerpt: &Mesh,
+        conditions: &Conditions,
+        supports: &[(u32, u8)],
+    ) -> Result<Self, BoundaryError> {
+        let mut boundary = Self::without_supports(excerpt, conditions)?;
+        let local = |&(node, component): &(u32, u8)| Some((excerpt.local_node(node)?, component));
+        boundary.hold(excerpt, supports.iter().filter_map(local));
+        Ok(boundary)
+    }
+
+    fn without_supports(mesh: &Mesh, conditions: &Conditions) -> Result<Self, BoundaryError> {
         let mut prescribed = PrescribedCollector::new(mesh);
         for condition in &conditions.surfaces {
             let (number, surface) = find_surface(mesh, &condition.surface)?;
@@ -118,11 +139,7 @@ impl Boundary {
         let kinematics = Arc::new(Kinematics::new(mesh.nodes().len(), frames, surfaces));
         let prescribed_components = prescribed.into_components();
         let point_nodes = point_nodes.into_iter().map(Some).collect();
-        let mut boundary = Self { prescribed_components, skew_nodes, rigid, kinematics, loads, point_nodes };
-        if conditions.hold_free_modes {
-            boundary.hold_free_modes(mesh);
-        }
-        Ok(boundary)
+        Ok(Self { prescribed_components, skew_nodes, rigid, kinematics, loads, point_nodes })
     }
 
     /// Checks that loads and prescribed displacements are finite at these pseudo-times, where they act on the mesh of the
@@ -345,15 +362,16 @@ pub fn find_surface<'m>(mesh: &'m Mesh, name: &str) -> Result<(usize, &'m Surfac
 }
 
 fn find_node(mesh: &Mesh, number: usize, place: PointLocation) -> Result<u32, BoundaryError> {
-    let nodes = mesh.nodes().len();
-    let node = match place {
-        PointLocation::Node(node) => node,
+    match place {
+        PointLocation::Node(node) => {
+            let known = u32::try_from(node).ok().and_then(|node| mesh.local_node(node));
+            known.ok_or_else(|| BoundaryError::UnknownNode { node, nodes: mesh.whole().nodes })
+        }
         PointLocation::Nearest(position) => {
             check_finite(|| Source::Point(number).describe(mesh), &position)?;
-            mesh.nearest_node(position).0
+            Ok(mesh.nearest_node(position).0 as u32)
         }
-    };
-    u32::try_from(node).ok().filter(|_| node < nodes).ok_or(BoundaryError::UnknownNode { node, nodes })
+    }
 }
 
 #[cfg(test)]

@@ -14,9 +14,13 @@ impl Boundary {
             |node: u32, component: usize| self.kinematics.are_plain(&[node]) && !mask[node as usize][component];
         let restraints = self.restraints(mesh);
         let supports = rigid_modes::minimal_supports(mesh, &restraints, self.kinematics.rigid_surfaces(), is_free);
-        for (node, component) in supports {
-            self.prescribed_components.push(PrescribedComponent::support(mesh, node, component as u8));
-        }
+        self.hold(mesh, supports.into_iter().map(|(node, component)| (node, component as u8)));
+    }
+
+    /// Adds zero displacements of these nodes and components, which are free.
+    pub(super) fn hold(&mut self, mesh: &Mesh, supports: impl Iterator<Item = (u32, u8)>) {
+        let supports = supports.map(|(node, component)| PrescribedComponent::support(mesh, node, component));
+        self.prescribed_components.extend(supports);
         self.prescribed_components.sort_by_key(|component| (component.node, component.component));
     }
 

@@ -33,7 +33,7 @@ pub use error::{ConstraintError, OpenEdge};
 
 use super::assembly::Geometry;
 use super::boundary::{BoundaryError, LoadCurve};
-use super::mesh::Mesh;
+use super::mesh::{Mesh, Part};
 
 /// The state of a constraint.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -96,12 +96,32 @@ impl Constraints {
         conditions.iter().map(resolve).collect::<Result<_, _>>().map(Self)
     }
 
-    /// Returns the constraints on a part of the mesh that they were resolved on.
-    ///
-    /// # Panics
-    /// Panics if `mesh` is no part of that mesh.
-    pub(super) fn on_part(&self, mesh: &Mesh) -> Self {
-        Self(self.iter().map(|constraint| constraint.on_part(mesh)).collect())
+    /// Resolves the constraints on a part of the mesh, given an excerpt that contains it, its place there, and the
+    /// reference volumes in the whole mesh, on which [`Constraints::new`] has checked them.
+    pub(super) fn on_part(
+        (excerpt, place): (&Mesh, &Part),
+        part: &Mesh,
+        conditions: &[VolumeConstraint],
+        volumes: &[f64],
+    ) -> Result<Self, ConstraintError> {
+        let resolve = |(condition, &volume): (&VolumeConstraint, &f64)| {
+            let VolumeConstraint { name, of, .. } = condition;
+            let domain = match of {
+                ConstrainedVolume::Region(region) => {
+                    Domain::Region { points: points_of(part, name, region)?, own: Some(part.own_points()) }
+                }
+                ConstrainedVolume::Cavity(surfaces) => {
+                    Domain::Cavity(Cavity::new(excerpt, name, surfaces)?.on_part(place))
+                }
+            };
+            Ok(Constraint::in_domain(condition, domain, volume))
+        };
+        conditions.iter().zip(volumes).map(resolve).collect::<Result<_, _>>().map(Self)
+    }
+
+    /// Returns the reference volumes, m^3.
+    pub(super) fn reference_volumes(&self) -> Vec<f64> {
+        self.iter().map(|constraint| constraint.reference).collect()
     }
 
     /// Returns the constraints, in their order.
@@ -154,13 +174,13 @@ impl Constraint {
         condition: &VolumeConstraint,
         prescribed: &[[bool; 3]],
     ) -> Result<Self, ConstraintError> {
-        let VolumeConstraint { name, of, curve, method } = condition.clone();
+        let VolumeConstraint { name, of, .. } = condition;
         check_parameters(condition)?;
-        let domain = match &of {
-            ConstrainedVolume::Region(region) => Domain::Region { points: points_of(mesh, &name, region)?, own: None },
-            ConstrainedVolume::Cavity(surfaces) => Domain::Cavity(Cavity::new(mesh, &name, surfaces)?),
+        let domain = match of {
+            ConstrainedVolume::Region(region) => Domain::Region { points: points_of(mesh, name, region)?, own: None },
+            ConstrainedVolume::Cavity(surfaces) => Domain::Cavity(Cavity::new(mesh, name, surfaces)?),
         };
-        let mut constraint = Self { name, domain, curve, method, reference: 0.0, weight: 1.0, compliance: 0.0 };
+        let mut constraint = Self::in_domain(condition, domain, 0.0);
         let at_rest = vec![[0.0; 3]; mesh.nodes().len()];
         let mut gradient = at_rest.clone();
         constraint.reference = constraint.evaluate(geometry, &at_rest, &mut gradient);
@@ -168,19 +188,10 @@ impl Constraint {
         Ok(constraint)
     }
 
-    fn on_part(&self, mesh: &Mesh) -> Self {
-        let domain = match &self.domain {
-            Domain::Region { points, .. } => {
-                let numbering = mesh.points();
-                let points = (0..numbering.len()).map(|point| points[numbering.in_whole(point)]).collect();
-                Domain::Region { points, own: Some(mesh.own_points()) }
-            }
-            Domain::Cavity(cavity) => {
-                Domain::Cavity(mesh.part().map_or_else(|| cavity.clone(), |part| cavity.on_part(part)))
-            }
-        };
-        let (name, curve) = (self.name.clone(), self.curve.clone());
-        Self { name, domain, curve, ..*self }
+    /// A constraint of this reference volume, m^3, before it is weighted.
+    fn in_domain(condition: &VolumeConstraint, domain: Domain, reference: f64) -> Self {
+        let VolumeConstraint { name, curve, method, .. } = condition.clone();
+        Self { name, domain, curve, method, reference, weight: 1.0, compliance: 0.0 }
     }
 
     /// Checks that the gradient at rest has components that are not prescribed.

@@ -40,6 +40,7 @@ macro_rules! with_element {
 
 /// The type of an element of a mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "app", derive(serde::Serialize, serde::Deserialize))]
 pub enum ElementType {
     /// Linear tetrahedron.
     Tet4,

@@ -33,6 +33,7 @@ macro_rules! with_face {
 
 /// The type of a face of an element.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "app", derive(serde::Serialize, serde::Deserialize))]
 pub enum FaceType {
     /// Linear triangle.
     Tri3,

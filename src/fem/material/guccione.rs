@@ -22,6 +22,7 @@ use super::{Material, MaterialError, Response};
 /// J. M. Guccione, A. D. McCulloch and L. K. Waldman, J. Biomech. Eng. 113 (1991) 42-55; in this notation, S. Land et
 /// al., Proc. R. Soc. A 471 (2015) 20150641.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "app", derive(serde::Serialize, serde::Deserialize))]
 pub struct Guccione {
     /// Stress scale `C`, Pa.
     pub c: f64,

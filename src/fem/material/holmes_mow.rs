@@ -24,6 +24,7 @@ use super::{Material, MaterialError, Response};
 /// # References
 /// M. H. Holmes and V. C. Mow, J. Biomech. 23 (1990) 1145-1156.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "app", derive(serde::Serialize, serde::Deserialize))]
 pub struct HolmesMow {
     /// Shear modulus at rest, Pa.
     pub mu: f64,

@@ -23,6 +23,7 @@ use super::{Material, MaterialError, Response};
 /// G. A. Holzapfel, T. C. Gasser and R. W. Ogden, J. Elasticity 61 (2000) 1-48; with dispersion, T. C. Gasser, R. W.
 /// Ogden and G. A. Holzapfel, J. R. Soc. Interface 3 (2006) 15-35.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "app", derive(serde::Serialize, serde::Deserialize))]
 pub struct HolzapfelGasserOgden {
     /// Shear modulus of the matrix, Pa.
     pub mu: f64,

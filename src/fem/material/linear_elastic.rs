@@ -14,6 +14,7 @@ use super::{Material, MaterialError, Response};
 /// The law is not objective: a rotation causes strain. It is defined for every `F`, also for `det F <= 0`, as the
 /// linear theory is.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "app", derive(serde::Serialize, serde::Deserialize))]
 pub struct LinearElastic {
     /// Shear modulus, Pa.
     pub mu: f64,

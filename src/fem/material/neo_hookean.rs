@@ -37,6 +37,7 @@ use crate::tensor::row_major;
 /// section 6.4.3; W. R. Tobin, *The Adaptive Multiscale Simulation Infrastructure* (PhD thesis, Rensselaer Polytechnic
 /// Institute, 2018), equations A.17 to A.19.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "app", derive(serde::Serialize, serde::Deserialize))]
 pub struct NeoHookean {
     /// Shear modulus, Pa.
     pub mu: f64,

@@ -26,6 +26,7 @@ use super::{Material, MaterialError, NeoHookean, Response};
 /// # References
 /// J. Bonet and A. J. Burton, Comput. Methods Appl. Mech. Eng. 162 (1998) 151-164.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "app", derive(serde::Serialize, serde::Deserialize))]
 pub struct TransverselyIsotropic {
     isotropic: NeoHookean,
     alpha: f64,
@@ -36,6 +37,7 @@ pub struct TransverselyIsotropic {
 
 /// The elastic constants of a [`TransverselyIsotropic`] material at small strain.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "app", derive(serde::Serialize, serde::Deserialize))]
 pub struct TransverseModuli {
     /// Young's modulus in the plane normal to the axis, Pa.
     pub youngs_modulus: f64,

@@ -6,6 +6,7 @@ use crate::fem::element::{CellType, ElementType, FaceType};
 
 /// Consecutive cells of one type.
 #[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "app", derive(serde::Serialize, serde::Deserialize))]
 pub struct Block<T> {
     cell_type: T,
     first: usize,
@@ -16,6 +17,7 @@ pub struct Block<T> {
 /// The nodes of cells (elements or faces) of one or more types, in the order of the node numbering of
 /// [`reference`](crate::fem::element::reference). Cells are numbered from 0 through all blocks.
 #[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "app", derive(serde::Serialize, serde::Deserialize))]
 pub struct Cells<T> {
     blocks: Vec<Block<T>>,
 }

@@ -7,7 +7,7 @@
 //! | `quality` | the shape quality of elements |
 //! | `quadratic` | quadratic elements from linear ones |
 //! | `patches` | patches of linear elements that share one dilatation |
-//! | `part` | the part of a mesh that one rank holds |
+//! | `part`, `excerpt` | the part of a mesh that one rank holds; the part with all surfaces |
 //! | [`gmsh`] | reading and writing of Gmsh `.msh` files, versions 2.2 and 4.1 |
 //! | [`shapes`] | the built-in box, dogbone and tube |
 //!
@@ -22,6 +22,7 @@
 
 mod cells;
 mod check;
+mod excerpt;
 mod faces;
 pub mod gmsh;
 mod measure;
@@ -35,6 +36,7 @@ pub mod shapes;
 
 pub use cells::{Block, Cells, Elements, Faces};
 pub use check::MeshError;
+pub use excerpt::{CommonElements, Excerpt};
 pub(super) use measure::longest_edge;
 pub use part::{Division, Part, Sizes};
 pub use points::{IntegrationPoint, PointNumbering};
@@ -56,6 +58,7 @@ use std::sync::Arc;
 /// - The faces of a surface are faces of elements, without duplicates. Their normals point outward; a face between two
 ///   elements keeps its given orientation.
 #[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "app", derive(serde::Serialize, serde::Deserialize))]
 pub struct Mesh {
     nodes: Vec<[f64; 3]>,
     elements: Elements,
@@ -69,6 +72,7 @@ pub struct Mesh {
 
 /// A named set of faces on the boundary or between elements.
 #[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "app", derive(serde::Serialize, serde::Deserialize))]
 pub struct Surface {
     /// Name of the surface (physical group).
     pub name: String,

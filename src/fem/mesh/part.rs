@@ -24,6 +24,7 @@ pub struct Division {
 /// their patches, and the nodes of all these elements. Sums over the elements at an own node are therefore complete.
 /// Nodes and elements of a part are in the order of the whole mesh.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "app", derive(serde::Serialize, serde::Deserialize))]
 pub struct Part {
     /// The rank that holds the part.
     pub rank: usize,
@@ -47,6 +48,7 @@ pub struct Part {
 
 /// The size of a mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "app", derive(serde::Serialize, serde::Deserialize))]
 pub struct Sizes {
     /// Number of nodes.
     pub nodes: usize,
@@ -140,7 +142,13 @@ impl Mesh {
     /// # Panics
     /// Panics if the division does not have one rank per element and per node.
     pub fn divided(&self, division: &Division, rank: usize) -> Self {
-        let Division { rank_of_element, rank_of_node, ranks } = division;
+        let part = Arc::new(self.place(division, rank, &self.held_by(division, rank)));
+        self.restricted(&part, Arc::clone(&part), |part, faces| part.faces(faces).0)
+    }
+
+    /// Returns, for each element, whether the part of a rank has it, as own element or as ghost.
+    pub(super) fn held_by(&self, division: &Division, rank: usize) -> Vec<bool> {
+        let Division { rank_of_element, rank_of_node, .. } = division;
         let own = rank as u32;
         let mut is_held: Vec<bool> = (self.elements.iter().zip(rank_of_element))
             .map(|(nodes, &of)| of == own || nodes.iter().any(|&node| rank_of_node[node as usize] == own))
@@ -150,49 +158,62 @@ impl Mesh {
                 patch.iter().for_each(|&element| is_held[element as usize] = true);
             }
         }
-        let elements: Vec<u32> = (0..is_held.len() as u32).filter(|&element| is_held[element as usize]).collect();
-        let mut nodes: Vec<u32> =
-            elements.iter().flat_map(|&element| &self.elements[element as usize]).copied().collect();
-        nodes.sort_unstable();
-        nodes.dedup();
-        let part = Part {
+        is_held
+    }
+
+    /// Returns the place of these elements and their nodes, held by a rank, in this mesh.
+    pub(super) fn place(&self, division: &Division, rank: usize, is_held: &[bool]) -> Part {
+        let Division { rank_of_element, rank_of_node, ranks } = division;
+        let (elements, nodes) = self.chosen(is_held);
+        Part {
             rank,
             ranks: *ranks,
-            is_own_node: nodes.iter().map(|&node| rank_of_node[node as usize] == own).collect(),
+            is_own_node: nodes.iter().map(|&node| rank_of_node[node as usize] == rank as u32).collect(),
             rank_of_element: elements.iter().map(|&element| rank_of_element[element as usize]).collect(),
             elements_of_rank: division.elements_of_rank(),
             nodes,
             elements: elements.into(),
             whole: self.sizes(),
             whole_points: self.points.clone(),
-        };
-        self.restricted(part)
+        }
+    }
+
+    /// Returns the chosen elements and their nodes, both ascending.
+    pub(super) fn chosen(&self, is_chosen: &[bool]) -> (Vec<u32>, Vec<u32>) {
+        let elements: Vec<u32> = (0..is_chosen.len() as u32).filter(|&element| is_chosen[element as usize]).collect();
+        let mut nodes: Vec<u32> =
+            elements.iter().flat_map(|&element| &self.elements[element as usize]).copied().collect();
+        nodes.sort_unstable();
+        nodes.dedup();
+        (elements, nodes)
     }
 
     /// Returns the numbers of nodes, elements and points.
-    fn sizes(&self) -> Sizes {
+    pub(super) fn sizes(&self) -> Sizes {
         Sizes { nodes: self.nodes.len(), elements: self.elements.len(), points: self.points.len() }
     }
 
-    fn restricted(&self, part: Part) -> Self {
-        let place = |node: u32| part.local_node(node).unwrap_or_default();
-        let held = part.elements.iter().filter_map(|&element| self.elements.get(element as usize));
+    /// Returns the elements of a part, given its place in this mesh and in the whole one, which are the same unless this
+    /// mesh is a part itself. `faces` returns the faces of a surface by the nodes of the part.
+    pub(super) fn restricted(&self, here: &Part, in_whole: Arc<Part>, faces: impl Fn(&Part, &Faces) -> Faces) -> Self {
+        let place = |node: u32| here.local_node(node).unwrap_or_default();
+        let held = here.elements.iter().filter_map(|&element| self.elements.get(element as usize));
         let elements = held.collect::<Elements>().map(place);
-        let surface = |surface: &Surface| Surface { name: surface.name.clone(), faces: part.faces(&surface.faces).0 };
-        let local_element = |element: &u32| part.elements.binary_search(element).ok().map(|local| local as u32);
-        // Either all elements of a patch are held, or none.
+        let surface = |surface: &Surface| Surface { name: surface.name.clone(), faces: faces(here, &surface.faces) };
+        let local_element = |element: &u32| here.elements.binary_search(element).ok().map(|local| local as u32);
+        // Either all elements of a patch are held, or the part does not have the patch.
         let patches = self.patches.iter().filter_map(|patch| patch.iter().map(local_element).collect());
-        let first_points = |element: &u32| self.points.of_element(*element as usize).start as u32;
-        let first_points: Arc<[u32]> = part.elements.iter().map(first_points).collect();
+        let first_point = |element: &u32| self.points.in_whole(self.points.of_element(*element as usize).start) as u32;
+        let first_points: Arc<[u32]> = here.elements.iter().map(first_point).collect();
         Self {
-            nodes: part.nodes.iter().map(|&node| self.nodes[node as usize]).collect(),
-            points: PointNumbering::of_part(&elements, &part.elements, first_points),
+            nodes: here.nodes.iter().map(|&node| self.nodes[node as usize]).collect(),
+            points: PointNumbering::of_part(&elements, &in_whole.elements, first_points),
             elements,
-            region_of: part.elements.iter().map(|&element| self.region_of[element as usize]).collect(),
+            region_of: here.elements.iter().map(|&element| self.region_of[element as usize]).collect(),
             regions: self.regions.clone(),
             surfaces: self.surfaces.iter().map(surface).collect(),
             patches: patches.collect(),
-            part: Some(Arc::new(part)),
+            part: Some(in_whole),
         }
     }
 
@@ -209,6 +230,14 @@ impl Mesh {
     /// Returns the integration points of the whole mesh.
     pub fn whole_points(&self) -> &PointNumbering {
         self.part.as_ref().map_or(&self.points, |part| &part.whole_points)
+    }
+
+    /// Returns the number in this mesh of a node of the whole mesh; `None` if this mesh does not have it.
+    pub fn local_node(&self, node: u32) -> Option<u32> {
+        match &self.part {
+            Some(part) => part.local_node(node),
+            None => ((node as usize) < self.nodes.len()).then_some(node),
+        }
     }
 
     /// Returns true if a node belongs to this rank; all nodes of a mesh that is not divided do.

@@ -9,6 +9,7 @@ use super::cells::Elements;
 /// The integration points of all elements, numbered from 0: those of an element are consecutive, in the order of its
 /// quadrature rule, and elements follow each other in mesh order.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "app", derive(serde::Serialize, serde::Deserialize))]
 pub struct PointNumbering {
     blocks: Vec<PointBlock>,
     elements: usize,
@@ -18,6 +19,7 @@ pub struct PointNumbering {
 
 /// The numbers of the elements of a part of a mesh in the whole mesh, and those of their first points.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "app", derive(serde::Serialize, serde::Deserialize))]
 struct InWhole {
     elements: Arc<[u32]>,
     first_points: Arc<[u32]>,
@@ -25,6 +27,7 @@ struct InWhole {
 
 /// The points of consecutive elements of one type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "app", derive(serde::Serialize, serde::Deserialize))]
 struct PointBlock {
     first_element: usize,
     first_point: usize,

@@ -2,14 +2,12 @@
 
 use std::sync::Arc;
 
-use super::system::LinearSystem;
-use super::{SetupError, StepParams, merged};
+use super::{BodyPiece, SetupError};
 use crate::fem::assembly::{self, Geometry, Unknowns};
 use crate::fem::boundary::{Boundary, Conditions};
 use crate::fem::constraint::Constraints;
-use crate::fem::mesh::{Division, Mesh};
-use crate::fem::rigid_modes;
-use crate::las::{Backend, RankRows, SolverChoice, SolverParams, Sparsity};
+use crate::fem::mesh::Mesh;
+use crate::las::{RankRows, SolverChoice, SolverParams, Sparsity};
 
 /// The part of a body that one rank holds, with its rows of the linear system, ready for
 /// [`Stepper::on_part`](super::Stepper::on_part). Of the whole body it keeps nothing but numbers.
@@ -30,54 +28,36 @@ pub struct BodyPart {
 }
 
 impl BodyPart {
-    /// Divides a body. `boundary` holds the conditions, resolved on the whole mesh. Every rank passes the same body and
-    /// keeps the part of `rank`; nothing is communicated. `None` if the body has loads that cannot be divided
-    /// ([`Load::on_part`](crate::fem::boundary::Load::on_part)); every rank then holds the whole body.
+    /// Sets up the part of a rank. `conditions` are those of the whole body, which
+    /// [`BodyDivision::new`](super::BodyDivision::new) has checked. Does not communicate. `None` if there is a load that
+    /// cannot be divided.
     ///
     /// # Errors
-    /// Returns [`SetupError`] if the linear system would be too large, a constraint cannot be imposed, or the conditions
-    /// leave a rigid-body mode.
-    ///
-    /// # Panics
-    /// Panics if the division is not one of this mesh.
-    pub fn new<B: Backend, E: std::fmt::Display>(
-        mesh: &Mesh,
-        boundary: &Boundary,
+    /// Returns [`SetupError`] if the piece does not belong to these conditions.
+    pub fn new<E: std::fmt::Display, F: std::fmt::Display>(
+        piece: BodyPiece,
         conditions: &Conditions,
-        division: &Division,
-        rank: usize,
-        params: &StepParams,
-    ) -> Result<Option<Self>, SetupError<E, B::Error>> {
-        let of_part = mesh.divided(division, rank);
-        let Some(part) = of_part.part() else { return Ok(None) };
-        let Ok(own_boundary) = boundary.on_part(part) else { return Ok(None) };
-        let order: Vec<u32> = (0..mesh.nodes().len() as u32).collect();
-        let constraints = if conditions.constraints.is_empty() {
-            Constraints::default()
-        } else {
-            let (geometry, fixed) = (assembly::geometry(mesh)?, boundary.fixed_components(mesh.nodes().len()));
-            Constraints::new(mesh, &geometry, &conditions.constraints, &fixed)?.on_part(&of_part)
-        };
-        rigid_modes::check(mesh, &boundary.restraints(mesh), boundary.kinematics().rigid_surfaces())?;
-        let LinearSystem { unknowns: of_body, pattern, solver, choice, has_costly_factorization, .. } =
-            LinearSystem::new::<B>(&order, mesh, boundary, constraints.len(), params)?;
-        drop(pattern);
-        let (unknowns, rows) = of_body.on_part(division, part, own_boundary.kinematics());
-        drop(of_body);
-        let (geometry, pattern) =
-            (assembly::geometry(&of_part)?, unknowns.pattern(&of_part)?.first_rows(rows.own.len()));
+    ) -> Result<Option<Self>, SetupError<E, F>> {
+        let BodyPiece { excerpt, supports, volumes, unknowns, solver, choice, .. } = piece;
+        let (mesh, place) = excerpt.part();
+        let boundary = Boundary::on_excerpt(excerpt.mesh(), conditions, &supports)?;
+        let Ok(boundary) = boundary.on_part(&place) else { return Ok(None) };
+        let constraints = Constraints::on_part((excerpt.mesh(), &place), &mesh, &conditions.constraints, &volumes)?;
+        drop(excerpt);
+        let (unknowns, rows) = unknowns.with_kinematics(boundary.kinematics());
+        let (geometry, pattern) = (assembly::geometry(&mesh)?, unknowns.pattern(&mesh)?.first_rows(rows.own.len()));
         Ok(Some(Self {
-            boundary: own_boundary,
+            boundary,
+            constraints,
             unknowns,
             geometry,
             pattern: Arc::new(pattern),
             rows,
             solver,
             choice,
-            has_costly_factorization,
-            break_points: merged(boundary.break_points(), constraints.break_points()),
-            constraints,
-            mesh: Arc::new(of_part),
+            has_costly_factorization: piece.has_costly_factorization,
+            break_points: piece.break_points,
+            mesh: Arc::new(mesh),
         }))
     }
 

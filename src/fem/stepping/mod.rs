@@ -45,6 +45,7 @@
 //! ```
 
 mod attempt;
+mod body_division;
 mod body_part;
 mod error;
 mod increments;
@@ -56,6 +57,7 @@ mod system;
 
 use std::sync::Arc;
 
+pub use body_division::{BodyDivision, BodyPiece};
 pub use body_part::BodyPart;
 pub use error::{SetupError, StepFailure, SteppingError};
 pub use increments::{AdaptiveIncrements, IncrementControl};

@@ -24,6 +24,7 @@ const ADVANTAGE: f64 = 2.0;
 
 /// The solver of a linear system by its size.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "app", derive(serde::Serialize, serde::Deserialize))]
 pub struct SolverChoice {
     /// The chosen method.
     pub method: Method,

@@ -8,6 +8,7 @@ use super::{SolveError, SolveReport, StopReason};
 ///
 /// Cholesky and LDL^T factorizations read only one triangle, so that they cannot detect an unsymmetric matrix.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "app", derive(serde::Serialize, serde::Deserialize))]
 pub enum Symmetry {
     /// Symmetric and usually positive definite: Cholesky, and LDL^T if Cholesky fails.
     #[default]
@@ -22,6 +23,7 @@ pub enum Symmetry {
 ///
 /// The ordering determines the fill-in of the factor. For unsymmetric matrices a column ordering is always used.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "app", derive(serde::Serialize, serde::Deserialize))]
 pub enum Ordering {
     /// Of the available orderings, the one with the fewest predicted operations; minimum degree for small systems, and
     /// where the other orderings save little.
@@ -37,6 +39,7 @@ pub enum Ordering {
 
 /// A Krylov method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "app", derive(serde::Serialize, serde::Deserialize))]
 pub enum Krylov {
     /// Conjugate gradients, for positive definite matrices (Hestenes and Stiefel 1952).
     Cg,
@@ -51,6 +54,7 @@ pub enum Krylov {
 
 /// The preconditioner of a Krylov method.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "app", derive(serde::Serialize, serde::Deserialize))]
 pub enum Preconditioner {
     /// No preconditioner.
     None,
@@ -81,6 +85,7 @@ pub enum Preconditioner {
 /// assert!(params.check().is_ok());
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "app", derive(serde::Serialize, serde::Deserialize))]
 pub struct Iterative {
     /// The method.
     pub krylov: Krylov,
@@ -164,6 +169,7 @@ pub struct InvalidParameter {
 
 /// Direct or iterative solution.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "app", derive(serde::Serialize, serde::Deserialize))]
 pub enum Method {
     /// Solution by a factorization.
     #[default]
@@ -175,6 +181,7 @@ pub enum Method {
 /// The parameters of a linear solver.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "app", derive(serde::Serialize, serde::Deserialize))]
 pub struct SolverParams {
     /// The declared symmetry of the matrix.
     pub symmetry: Symmetry,
