@@ -4,6 +4,7 @@ use std::fmt;
 use std::sync::Arc;
 
 use nalgebra::{Matrix3, Vector3};
+use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::fem::material::{
@@ -12,7 +13,7 @@ use crate::fem::material::{
 };
 
 /// A material given by a formula.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Formula {
     /// Neo-Hookean.
     NeoHookean(NeoHookean),
@@ -27,11 +28,12 @@ pub enum Formula {
     /// Of Guccione.
     Guccione(Guccione),
     /// A material of another crate.
+    #[serde(skip)]
     Custom(CustomMaterial),
 }
 
 /// A transversely isotropic material with the constants that it was made from.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TransverseFormula {
     moduli: TransverseModuli,
     axis: [f64; 3],
@@ -84,7 +86,7 @@ impl PartialEq for CustomMaterial {
 }
 
 /// The formula of every point of a region.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Formulas {
     /// The same formula at all points.
     Uniform(Arc<Formula>),
@@ -93,7 +95,7 @@ pub enum Formulas {
 }
 
 /// Formulas by point; points with equal parameters share one.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PointFormulas {
     distinct: Vec<Arc<Formula>>,
     of_point: Vec<u32>,

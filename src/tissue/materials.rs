@@ -3,6 +3,8 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use serde::{Deserialize, Serialize};
+
 use crate::fiber::equilibrium::Stages;
 use crate::fiber::law::FiberMaterial;
 use crate::fiber::rve::StressScale;
@@ -106,7 +108,7 @@ pub enum NetworkAssignment<N = PointNetworks> {
 }
 
 /// The network of every point of a mesh: its index in [`FiberRve::networks`].
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct PointNetworks(Arc<[u32]>);
 
 impl PointNetworks {
@@ -143,7 +145,7 @@ impl<V> From<StressScale> for RveScale<V> {
 ///
 /// Points with different fractions share the model of a network, which has the greatest fraction: the stress of an RVE is
 /// proportional to its fraction, which does not change its equilibrium.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PointFractions {
     of_point: Arc<[f64]>,
     greatest: f64,

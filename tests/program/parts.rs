@@ -9,6 +9,7 @@ use crate::balance::{BY_ITERATIONS, restless, uneven};
 use crate::ranks::processes::{assert_same_to_rounding, launched, mpirun_done, one_at_a_time};
 use crate::ranks::{read, with_life_cycles, with_scales};
 use crate::run::{PRESSED, events, fibers, run, write_case};
+use crate::variants::CONSTANTS;
 use crate::{frozen, line};
 
 /// A body of two regions with every kind of load, of elements of one type, without networks.
@@ -82,6 +83,87 @@ fn bodies_in_parts_give_the_same_loads_and_fields() {
                 assert_eq!(starts[0][size], starts[1][size], "{size}");
             }
         }
+    }
+}
+
+fn with_conditions(conditions: &str) -> String {
+    format!(
+        "[mesh]\ngenerate = {{ shape = \"box\", cells = [5, 2, 2], size = [2.5, 1.0, 1.0] }}\n{conditions}\
+         [newton]\ntolerance = 1e-12\n[steps]\ncount = 2\n[output]\npoints = true\n"
+    )
+}
+
+/// Supports of a free body, rigid surfaces, planes of symmetry, regions and cavities of constrained volume, and patches of
+/// elements extend over the parts of several ranks.
+#[test]
+fn conditions_of_the_whole_body_hold_in_parts() {
+    let _turn = one_at_a_time();
+    let region = format!("[[region]]\nname = \"*\"\nmaterial = {{ {CONSTANTS} }}\n");
+    let boundary = |surface: &str, load: &str| format!("[[boundary]]\nsurface = \"{surface}\"\n{load}\n");
+    let free = "[body]\nfree = \"rigid\"\n".to_owned()
+        + &region
+        + &boundary("x0", "traction = [-100.0, 0.0, 0.0]")
+        + &boundary("x1", "traction = [100.0, 0.0, 0.0]");
+    let rigid = region.clone()
+        + "f_bar = true\n"
+        + &boundary("x0", "displacement = { x = 0.0, y = 0.0, z = 0.0 }")
+        + &boundary("x1", "rigid = { displacement = { x = 0.2 }, rotation = { x = 0.3 } }")
+        + "[[constraint]]\nregion = \"*\"\nvolume = [[0, 1], [1, 1.1]]\n";
+    let planes = region.clone()
+        + &boundary("x0", "symmetry = true")
+        + &boundary("y0", "symmetry = true")
+        + &boundary("z0", "symmetry = true")
+        + &boundary("x1", "displacement = { x = \"0.2*t*(1 + y)\" }");
+    let cavity = crate::constraints::formula("", "tolerance = 1e-12") + "[output]\npoints = true\n";
+    let cases = [with_conditions(&free), with_conditions(&rigid), with_conditions(&planes), cavity];
+    for text in &cases {
+        let folder = crate::constraints::with_mesh();
+        let folder = folder.path();
+        run(folder, text, "--out alone --backend sparse").done();
+        write_case(folder, "case.toml", &with_scales(text, (4, 1)));
+        mpirun_done(folder, 5, "run case.toml --backend petsc --out parts");
+        assert_same_to_rounding(&read(folder, "parts/loads.csv"), &read(folder, "alone/loads.csv"));
+        assert_same_points(&folder.join("parts/points-00002.pvtu"), &folder.join("alone/points-00002.vtu"));
+    }
+}
+
+/// Networks, fractions and matrices that vary over the body: ranks that do not read the mesh get them from the one that
+/// does.
+#[test]
+fn materials_that_depend_on_the_mesh_are_those_of_the_whole_body() {
+    let _turn = one_at_a_time();
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    line(folder, "network generate --points 25 --count 2 --directory networks").done();
+    let row = |element: u32| format!("{},{}\n", element % 2, 0.002 + 1e-4 * f64::from(element));
+    std::fs::write(folder.join("fields.csv"), "index,fraction\n".to_owned() + &(0..18).map(row).collect::<String>())
+        .unwrap();
+    let text = "[mesh]\ngenerate = { shape = \"box\", cells = [3, 1, 1], size = [3.0, 1.0, 1.0] }\n\
+        [[region]]\nname = \"*\"\n[region.material]\nmodel = \"fiber-rve\"\nnetworks = \"networks/*.txt\"\n\
+        choose = { index = { file = \"fields.csv\", column = \"index\" } }\n\
+        fiber_volume_fraction = { file = \"fields.csv\", column = \"fraction\" }\n\
+        law = { name = \"linear\", youngs_modulus = 1.0e8, radius = 5.0e-8 }\n\
+        matrix = { model = \"neo-hookean\", shear_modulus = \"1000 + 200*x\", poisson_ratio = 0.3 }\n\
+        [[boundary]]\nsurface = \"x0\"\ndisplacement = { x = 0.0, y = 0.0, z = 0.0 }\n\
+        [[boundary]]\nsurface = \"x1\"\ndisplacement = { x = 0.1, y = 0.0, z = 0.0 }\n\
+        [newton]\ntolerance = 1e-12\n[steps]\ncount = 2\n[output]\npoints = true\n";
+    run(folder, text, "--out alone --backend sparse").done();
+    for (above, below, points) in [(3, 2, "pvtu"), (1, 2, "vtu")] {
+        write_case(folder, "case.toml", &with_scales(text, (above, below)));
+        mpirun_done(folder, above + below, "run case.toml --backend petsc --out parts");
+        assert_same_to_rounding(&read(folder, "parts/loads.csv"), &read(folder, "alone/loads.csv"));
+        let found = folder.join(format!("parts/points-00002.{points}"));
+        assert_same_points(&found, &folder.join("alone/points-00002.vtu"));
+    }
+    // The rank that reads the mesh fails: all end with its message.
+    std::fs::write(folder.join("fields.csv"), "index,fraction\n7,0.1\n").unwrap();
+    for (backend, shares) in [("petsc", (3, 2)), ("sparse", (2, 2))] {
+        write_case(folder, "case.toml", &with_scales(text, shares));
+        let options = format!("run case.toml --backend {backend} --out other");
+        let failed = launched(folder, shares.0 + shares.1, &options).output().unwrap();
+        let message = String::from_utf8_lossy(&failed.stderr);
+        assert_eq!(failed.status.code(), Some(2), "{message}");
+        assert!(message.contains("fields.csv"), "{message}");
     }
 }
 

@@ -385,6 +385,7 @@ pub mod processes {
         let start = Instant::now();
         while steps() < before + 2 {
             assert!(start.elapsed() < Duration::from_secs(300), "no step converges");
+            assert!(run.try_wait().unwrap().is_none(), "the run ended before two steps");
             std::thread::sleep(Duration::from_millis(20));
         }
         let process = process_of(&folder.canonicalize().unwrap(), rank).expect("the rank runs");

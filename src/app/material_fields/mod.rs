@@ -17,6 +17,7 @@
 //! ```
 
 mod networks;
+mod on_ranks;
 mod values;
 
 use std::collections::HashMap;
@@ -30,6 +31,7 @@ use super::vtu;
 use crate::fem::mesh::{IntegrationPoint, Mesh};
 use crate::input::{InputError, InputErrors};
 use crate::tissue::materials::{Formula, Formulas, Materials, PointFormulas, Region, RegionMaterial};
+pub use on_ranks::MaterialFields;
 use values::{AxisValues, Files, ParameterValues};
 
 /// The materials of a body with the ranges of the fields in them.

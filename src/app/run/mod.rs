@@ -3,6 +3,8 @@
 //! | module | holds |
 //! |---|---|
 //! | `setup` | a case with all its input files, read and checked |
+//! | `whole_body` | the mesh of a case with its boundary conditions and materials |
+//! | `setup_ranks` | ranks that set up a case together: what the first one sends the others |
 //! | `problem_size` | the size of the problem before the solve |
 //! | this one | the run itself ([`Simulation`]) |
 //! | `checkpoints` | resuming from a checkpoint, and writing one |
@@ -19,6 +21,8 @@ mod outcome;
 mod problem_size;
 mod rank_writers;
 mod setup;
+mod setup_ranks;
+mod whole_body;
 mod whole_state;
 mod writers;
 
@@ -32,7 +36,8 @@ pub use memory::MemoryForecast;
 pub use outcome::{ResumeError, Resumed, RunError, RunSummary};
 pub use problem_size::{NetworkSize, ProblemSize};
 pub use rank_writers::RootWriter;
-pub use setup::{BodyRanks, Setup, SimulationError};
+pub use setup::{Setup, SimulationError};
+pub use setup_ranks::{ScaleRanks, SetupRanks};
 pub use writers::WriterGroup;
 
 use self::writers::AgreedRecorder;

@@ -7,18 +7,19 @@ use thiserror::Error;
 use super::Simulation;
 use super::memory::MemoryForecast;
 use super::problem_size::ProblemSize;
+use super::setup_ranks::{PartSetup, RankSetup, SetupRanks, receive_setup, send_failure, send_fields, send_setup};
+use super::whole_body::WholeBody;
 use crate::app::case::{Case, ElementSelection, RegionMaterial};
 use crate::app::checkpoint::hash_of_mesh;
 use crate::app::macro_scale;
-use crate::app::material_fields::{self, FieldRange, ResolvedMaterials};
+use crate::app::material_fields::{FieldRange, MaterialFields};
 use crate::app::plausibility::{self, Examination, FloppyNetworks, LoadSize, Plausibility};
 use crate::app::results::ResultsRecord;
 use crate::app::rve_device;
 use crate::app::rve_files;
 use crate::fem::boundary::Conditions;
 use crate::fem::mesh::{Division, Mesh};
-use crate::fem::rigid_modes;
-use crate::fem::stepping::{BodyPart, LinearSystem, SetupError, Stepper};
+use crate::fem::stepping::{BodyDivision, BodyPart, LinearSystem, SetupError, Stepper};
 use crate::input::InputErrors;
 use crate::las::RealBackend;
 use crate::tissue::materials::Materials;
@@ -37,6 +38,9 @@ pub enum SimulationError<F: std::error::Error + 'static> {
     /// The body and its boundary conditions do not match.
     #[error(transparent)]
     Setup(#[from] Box<SetupError<TissueFieldError, F>>),
+    /// Another rank failed, or the connection to it.
+    #[error("{0}")]
+    OtherRank(String),
 }
 
 /// A case with all its input files, read and checked before the first solve.
@@ -75,7 +79,7 @@ impl<B: RealBackend, N: RealBackend> Setup<B, TissueField<N>> {
     /// As for [`Setup::new`].
     pub fn with_rves(context: B::Context, of_rves: N::Context, case: Case) -> Result<Self, SimulationError<B::Error>> {
         let costs = case.output.costs;
-        Self::with_material(context, case, None, |materials, mesh| {
+        Self::with_material(context, case, &(), |materials, mesh| {
             let (mut field, warnings) = TissueField::new(of_rves, materials, mesh)?;
             if costs {
                 field.keep_costs();
@@ -95,44 +99,50 @@ impl<B: RealBackend, N: RealBackend> Setup<B, TissueField<N>> {
     }
 }
 
-/// The ranks among which a body is divided.
-#[derive(Clone, Copy, Debug)]
-pub struct BodyRanks {
-    /// The rank of the caller.
-    pub rank: usize,
-    /// The number of ranks.
-    pub ranks: usize,
-}
-
 impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
     /// Reads the mesh of a case and checks it against the case; `material` sets up the materials of the case on the mesh,
-    /// and returns warnings. With `ranks`, the body is divided among them if it can be ([`BodyPart::new`]): the mesh that
-    /// `material` gets is then the part of this rank, and the whole mesh is released.
+    /// and returns warnings. If there are several `ranks`, the first one reads the mesh, divides the body among them if it
+    /// can be ([`BodyPart::new`]), and sends each rank its part; the mesh that `material` gets is then the part, and the
+    /// whole mesh is released. Collective over `ranks`.
     ///
     /// # Errors
-    /// As for [`Setup::new`].
+    /// As for [`Setup::new`]. On other ranks than the first one, [`SimulationError::OtherRank`] if that one failed.
     pub fn with_material(
         context: B::Context,
         case: Case,
-        ranks: Option<BodyRanks>,
+        ranks: &dyn SetupRanks,
         material: impl FnOnce(Materials, &Mesh) -> Result<(M, Vec<String>), LibraryError>,
     ) -> Result<Self, SimulationError<B::Error>> {
-        let (whole, mut warnings) = macro_scale::mesh(&case)?;
-        let conditions = macro_scale::conditions(&case);
-        let boundary = macro_scale::boundary(&case, &whole, &conditions)?;
-        rigid_modes::check(&whole, &boundary.restraints(&whole), boundary.kinematics().rigid_surfaces())
-            .map_err(|error| Box::new(error.into()))?;
-        macro_scale::check_constraints(&case, &whole, &conditions, &boundary.fixed_components(whole.nodes().len()))?;
+        if ranks.rank() > 0 {
+            return Self::received(context, case, ranks, material);
+        }
+        let rves_wait = case.materials().is_none();
+        let set_up = Self::read(context, case, ranks, material);
+        if set_up.is_err() {
+            send_failure(ranks, rves_wait);
+        }
+        set_up
+    }
+
+    /// Sets up the case on the rank that reads the mesh, and sends the others their parts.
+    fn read(
+        context: B::Context,
+        case: Case,
+        ranks: &dyn SetupRanks,
+        material: impl FnOnce(Materials, &Mesh) -> Result<(M, Vec<String>), LibraryError>,
+    ) -> Result<Self, SimulationError<B::Error>> {
+        let WholeBody { mesh: whole, conditions, boundary, materials, ranges, mut warnings } = WholeBody::read(&case)?;
         let unknowns = boundary.free_unknowns(whole.nodes().len());
-        let ResolvedMaterials { materials, ranges } = material_fields::resolve(&case, &whole)?;
-        let part = match ranks {
-            None => None,
-            Some(BodyRanks { rank, ranks }) => {
-                let division = Division::new(&whole, partition(&whole, ranks), ranks, boundary.node_groups());
-                let params = macro_scale::step_params(&case);
-                BodyPart::new::<B, _>(&whole, &boundary, &conditions, &division, rank, &params).map_err(Box::new)?
-            }
+        let fields = case.materials().is_none().then(|| MaterialFields::of(&materials));
+        let of_ranks = |count| Division::new(&whole, partition(&whole, count), count, boundary.node_groups());
+        let division = (ranks.count() > 1).then(|| of_ranks(ranks.count()));
+        let divide = |division| {
+            let params = macro_scale::step_params(&case);
+            BodyDivision::new::<B, _>(&whole, &boundary, &conditions, division, &params)
         };
+        let divided = division.as_ref().map(divide).transpose().map_err(Box::new)?;
+        let own_part = |divided: &BodyDivision<'_>| BodyPart::new(divided.piece(0), &conditions).transpose();
+        let part = divided.as_ref().and_then(own_part).transpose().map_err(Box::new)?;
         let mesh = part.as_ref().map_or(&whole, |part| &**part.mesh());
         let (field, network_warnings) = material(materials, mesh)?;
         let Plausibility { warnings: implausible, loads: load_sizes } =
@@ -146,8 +156,21 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
         } else {
             rve_files::points(&case, field.sites())?
         };
-        let free_mode_supports = boundary.free_mode_supports().collect();
         let mesh_hash = hash_of_mesh(&whole);
+        send_fields(ranks, fields.as_ref()).map_err(SimulationError::OtherRank)?;
+        for rank in 1..ranks.count() {
+            let of_part = |divided: &BodyDivision<'_>| PartSetup {
+                piece: divided.piece(rank),
+                fields: fields.clone(),
+                networks: networks.clone(),
+                unknowns,
+                mesh_hash,
+            };
+            let of_part = divided.as_ref().filter(|_| part.is_some()).map(of_part);
+            send_setup(ranks, rank, of_part).map_err(SimulationError::OtherRank)?;
+        }
+        drop(divided);
+        let free_mode_supports = boundary.free_mode_supports().collect();
         Ok(Self {
             context,
             case,
@@ -162,6 +185,43 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
             ranges,
             load_sizes,
             warnings,
+        })
+    }
+
+    /// Sets up the part that the first rank sends.
+    fn received(
+        context: B::Context,
+        case: Case,
+        ranks: &dyn SetupRanks,
+        material: impl FnOnce(Materials, &Mesh) -> Result<(M, Vec<String>), LibraryError>,
+    ) -> Result<Self, SimulationError<B::Error>> {
+        let other_rank = |reason: &str| SimulationError::OtherRank(reason.to_owned());
+        let setup = match receive_setup(ranks).map_err(SimulationError::OtherRank)? {
+            RankSetup::Failed => return Err(other_rank("the first rank of the body could not set it up")),
+            RankSetup::Undivided => return Self::read(context, case, &(), material),
+            RankSetup::Part(setup) => *setup,
+        };
+        let PartSetup { piece, fields, networks, unknowns, mesh_hash } = setup;
+        let conditions = macro_scale::conditions(&case);
+        let part = BodyPart::new(piece, &conditions).map_err(Box::new)?;
+        let part = part.ok_or_else(|| other_rank("the first rank divided a body that cannot be divided"))?;
+        let materials = fields.map_or_else(|| case.materials(), |fields| fields.materials(&case));
+        let materials = materials.ok_or_else(|| other_rank("the ranks have different cases"))?;
+        let (field, _) = material(materials, part.mesh())?;
+        Ok(Self {
+            context,
+            case,
+            mesh: Arc::clone(part.mesh()),
+            mesh_hash,
+            conditions,
+            part: Some(part),
+            field,
+            networks,
+            unknowns,
+            free_mode_supports: Vec::new(),
+            ranges: Vec::new(),
+            load_sizes: Vec::new(),
+            warnings: Vec::new(),
         })
     }
 

@@ -236,6 +236,7 @@ pub fn not_set_up<F: std::error::Error + 'static>(of: &CaseHints, error: Simulat
             ("a material for every region of the mesh", "add a [[region]] with the name of that region, or \"*\"")
         }
         SimulationError::Setup(setup) => cure_of_setup(of, setup),
+        SimulationError::OtherRank(_) => ("ranks that all set up the case", "see the error of that rank"),
     };
     Failure::arguments(format!("{}: {error}", of.file.display()), expected, cure)
 }

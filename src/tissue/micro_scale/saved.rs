@@ -131,7 +131,7 @@ impl From<UnitRecord> for UnitState {
 /// Serializes the items of an iterator one by one, because all of them together may need as much memory as the RVEs.
 pub struct SerializeIter<F>(pub F);
 
-impl<I: Iterator<Item: Serialize>, F: Fn() -> I> Serialize for SerializeIter<F> {
+impl<I: ExactSizeIterator<Item: Serialize>, F: Fn() -> I> Serialize for SerializeIter<F> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_seq((self.0)())
     }

@@ -1,7 +1,7 @@
 //! The couplings of the RVEs of one rank, the same on both scales: tasks go to the micro scale, responses come back.
 
 use super::TwoScaleError;
-use super::protocol::{MACRO, MICRO, NewRve, RveResponse, RveTask};
+use super::protocol::{MACRO, MICRO, NewRve, RveResponse, RveSummary, RveTask};
 use crate::coupling::{Channel, Coupling, EvenPartition, Scales};
 use crate::las::Comm;
 
@@ -14,6 +14,7 @@ pub(super) struct Channels<C: Comm> {
     pub new_rves: Channel<NewRve>,
     pub tasks: Channel<RveTask>,
     pub responses: Channel<RveResponse>,
+    pub summaries: Channel<RveSummary>,
 }
 
 impl<C: Comm> Channels<C> {
@@ -23,7 +24,7 @@ impl<C: Comm> Channels<C> {
         let to_macro = to_micro.inverse();
         let new_rves = Channel::new(&to_micro)?;
         let tasks = Channel::new(&to_micro)?;
-        let responses = Channel::new(&to_macro)?;
-        Ok(Self { to_micro, to_macro, new_rves, tasks, responses })
+        let (responses, summaries) = (Channel::new(&to_macro)?, Channel::new(&to_macro)?);
+        Ok(Self { to_micro, to_macro, new_rves, tasks, responses, summaries })
     }
 }

@@ -6,13 +6,13 @@ use bytemuck::{AnyBitPattern, NoUninit};
 
 use crate::coupling::UnitId;
 use crate::fem::mesh::{Mesh, Part};
-use crate::las::{Comm, Message, SendRequest, Tag};
+use crate::las::{Comm, Message, Payload, SendRequest, Tag};
 use crate::tissue::micro_scale::{PointFailure, RveCounts, Sites};
 
 use super::TwoScaleError;
-use super::protocol::{RveResponse, pack, unpack};
+use super::protocol::{pack, unpack};
 
-/// Responses for the ghosts of another rank.
+/// Values for the ghosts of another rank.
 const GHOSTS: Tag = Tag::of(3);
 
 /// The part of a rank: which points are its own, and with which ranks it exchanges responses.
@@ -95,23 +95,26 @@ impl<C: Comm> DividedBody<C> {
         Ok(all.into_iter().flatten().min_by_key(|failure| failure.point))
     }
 
-    /// Appends to the responses of own points those of ghosts. Collective.
-    pub fn exchange_ghosts(&self, responses: &mut Vec<RveResponse>) -> Result<(), TwoScaleError> {
+    /// Appends to the values of the units at own points those at ghosts; `unit` returns the unit of a value. Collective.
+    pub fn exchange_ghosts<T: Payload>(
+        &self,
+        values: &mut Vec<T>,
+        unit: impl Fn(&T) -> UnitId,
+    ) -> Result<(), TwoScaleError> {
         if self.counts.rves == 0 {
             return Ok(());
         }
-        let numbered = responses.iter().enumerate();
+        let numbered = values.iter().enumerate();
         let number_of: HashMap<usize, usize> =
-            numbered.filter_map(|(number, response)| Some((self.point_of(response.point)?, number))).collect();
+            numbered.filter_map(|(number, value)| Some((self.point_of(unit(value))?, number))).collect();
         let mut pending = Vec::with_capacity(self.wanted.len());
         for (rank, points) in &self.wanted {
-            let sent: Vec<RveResponse> =
-                points.iter().filter_map(|point| Some(responses[*number_of.get(point)?])).collect();
+            let sent: Vec<T> = points.iter().filter_map(|point| Some(values[*number_of.get(point)?])).collect();
             pending.push(self.comm.start_send(*rank, GHOSTS, Message::of(&sent))?);
         }
         for &rank in &self.owners {
             let received = self.comm.receive(rank, GHOSTS)?;
-            responses.extend_from_slice(received.values::<RveResponse>().ok_or(TwoScaleError::Protocol)?);
+            values.extend_from_slice(received.values::<T>().ok_or(TwoScaleError::Protocol)?);
         }
         pending.into_iter().try_for_each(|send| send.wait().map(drop))?;
         Ok(())

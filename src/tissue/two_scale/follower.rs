@@ -8,7 +8,6 @@ use super::TwoScaleError;
 use super::protocol::{RankTimes, RveTask, pack, unpack};
 use super::shard::{RveUpdate, Shard};
 use crate::coupling::Scales;
-use crate::fem::mesh::Mesh;
 use crate::las::{Comm, Message, Tag};
 
 /// Tasks to the rank of a shard, and responses from it.
@@ -16,6 +15,8 @@ pub(super) const TASKS: Tag = Tag::of(0);
 pub(super) const RESPONSES: Tag = Tag::of(1);
 /// The times of the rank of a shard.
 pub(super) const TIMES: Tag = Tag::of(2);
+/// Summaries of the RVEs of a shard.
+pub(super) const SUMMARIES: Tag = Tag::of(5);
 
 /// A command of the root of the macro scale to the others.
 #[derive(Serialize, Deserialize)]
@@ -26,6 +27,8 @@ pub(super) enum FollowerCommand {
     ReconcileMigrated,
     /// Receive tasks, exchange with the RVEs, and return the responses.
     Exchange,
+    /// Return the summaries of the RVEs, which were committed.
+    Summarize,
     /// End of the run.
     End,
 }
@@ -34,9 +37,10 @@ pub(super) enum FollowerCommand {
 ///
 /// # Errors
 /// Returns [`TwoScaleError`] if communication fails or a message does not follow the protocol.
-pub fn follow<C: Comm>(scales: &Scales<C>, mesh: &Mesh) -> Result<(), TwoScaleError> {
+pub fn follow<C: Comm>(scales: &Scales<C>) -> Result<(), TwoScaleError> {
     let comm = scales.comm();
-    let shard_of = super::partition::partition(mesh, comm.size());
+    let shard_of = comm.broadcast(0, Message::new())?;
+    let shard_of = shard_of.values::<u32>().ok_or(TwoScaleError::Protocol)?;
     let own = comm.rank() as u32;
     let mut shard = Shard::new(scales)?;
     let mut times = RankTimes::of_rank(scales.world().rank());
@@ -70,6 +74,13 @@ pub fn follow<C: Comm>(scales: &Scales<C>, mesh: &Mesh) -> Result<(), TwoScaleEr
                 comm.send(0, RESPONSES, Message::of(responses))?;
                 times.add_communication(start);
                 comm.send(0, TIMES, pack(&times.take())?)?;
+            }
+            FollowerCommand::Summarize => {
+                times.idle += waiting.elapsed().as_secs_f64();
+                let summaries = shard.receive_summaries(&mut times)?;
+                let start = Instant::now();
+                comm.send(0, SUMMARIES, Message::of(&summaries))?;
+                times.add_communication(start);
             }
             FollowerCommand::End => return Ok(()),
         }

@@ -10,9 +10,9 @@ use nalgebra::Matrix3;
 use super::TwoScaleError;
 use super::balance::{BalanceReport, When};
 use super::divided::DividedBody;
-use super::micro_proxy::{BodySolve, MicroProxy};
+use super::micro_proxy::{BodySolve, EndedStep, MicroProxy};
 use super::progress::{ProgressChannel, ProgressReceiver};
-use super::protocol::{Outcome, RankTimes, RveFailure, Task, UnitReport};
+use super::protocol::{Outcome, RankTimes, RveFailure, Task};
 use super::shard::RveUpdate;
 use crate::coupling::{Scales, UnitId};
 use crate::fem::mesh::Mesh;
@@ -20,8 +20,8 @@ use crate::fem::point_field::{PointField, PointResponses};
 use crate::las::{Backend, Comm, RealBackend};
 use crate::tissue::materials::Materials;
 use crate::tissue::micro_scale::{
-    DeformedNetwork, FailedRve, Library, LibraryError, PointFailure, RveCost, RveStats, Sites, TissueFieldError,
-    TissueMaterial,
+    DeformedNetwork, FailedRve, Library, LibraryError, PointFailure, PointSummary, RveCost, RveStats, Sites,
+    TissueFieldError, TissueMaterial,
 };
 
 /// The material of a body whose RVEs are solved by the micro scale.
@@ -44,8 +44,8 @@ pub struct ScaleField<'a, C: Comm, B: Backend> {
 /// The last reports of the micro scale.
 #[derive(Default)]
 struct Reports {
-    /// One entry per point.
-    units: Vec<Option<UnitReport>>,
+    /// The fibers of each point, if it has any.
+    summaries: Vec<Option<PointSummary>>,
     /// The deformed networks that are part of the output, of all points, on the root.
     networks: HashMap<UnitId, DeformedNetwork>,
     stats: Mutex<RveStats>,
@@ -79,7 +79,7 @@ impl<'a, C: Comm, B: RealBackend> ScaleField<'a, C, B> {
             sites,
             divided,
             rank_of: vec![scales.world().rank() as u32; points],
-            reports: Reports { units: (0..points).map(|_| None).collect(), ..Reports::default() },
+            reports: Reports { summaries: vec![None; points], ..Reports::default() },
             failed_rve: Mutex::new(None),
             progress: None,
             broken: Arc::default(),
@@ -163,7 +163,7 @@ impl<'a, C: Comm, B: RealBackend> ScaleField<'a, C, B> {
     /// Deletes and creates the RVEs of these points on both scales.
     fn exchange_update(&mut self, deleted: &[usize], created: &[usize]) -> Result<(), TwoScaleError> {
         for &point in deleted {
-            self.reports.units[point] = None;
+            self.reports.summaries[point] = None;
         }
         let own =
             |points: &[usize]| -> Vec<usize> { points.iter().copied().filter(|&point| self.is_own(point)).collect() };
@@ -213,7 +213,10 @@ impl<'a, C: Comm, B: RealBackend> ScaleField<'a, C, B> {
             self.micro.restart_clock();
             return Err(failure.into());
         }
-        let exchanged = self.divided.as_ref().map_or(Ok(()), |divided| divided.exchange_ghosts(&mut responses));
+        let exchanged = self
+            .divided
+            .as_ref()
+            .map_or(Ok(()), |divided| divided.exchange_ghosts(&mut responses, |response| response.point));
         self.record_error(exchanged)?;
         for response in &responses {
             if let Some(point) = self.point_of(response.point) {
@@ -239,7 +242,16 @@ impl<'a, C: Comm, B: RealBackend> ScaleField<'a, C, B> {
 
     /// Ends a step on the micro scale and stores its reports.
     fn end_step(&mut self, converged: bool) -> Result<(), TwoScaleError> {
-        let (reports, iterations) = self.micro.end_step(converged)?;
+        let EndedStep { mut summaries, reports, iterations } = self.micro.end_step(converged)?;
+        if let Some(divided) = self.divided.as_ref().filter(|_| converged) {
+            divided.exchange_ghosts(&mut summaries, |summary| summary.point)?;
+        }
+        for summary in summaries {
+            if let Some(point) = self.point_of(summary.point) {
+                self.rank_of[point] = summary.rank as u32;
+                self.reports.summaries[point] = summary.summary();
+            }
+        }
         let is_root = self.micro.scales.comm().rank() == 0;
         let mut stats = RveStats::default();
         self.reports.bytes = reports.iter().map(|report| report.bytes).sum();
@@ -247,20 +259,13 @@ impl<'a, C: Comm, B: RealBackend> ScaleField<'a, C, B> {
         balance.skill = reports.first().and_then(|report| report.skill);
         balance.migrations.extend(self.micro.take_migrations());
         let mut costs = Vec::new();
-        for (report, &rank) in reports.into_iter().zip(self.micro.ranks()) {
+        for report in reports {
             costs.resize_with(report.costs.len(), Vec::new);
             costs.iter_mut().zip(report.costs).for_each(|(all, of_rank)| all.extend(of_rank));
             stats = stats.merge(report.stats);
-            for mut unit in report.units {
-                // The root writes the networks.
-                if let Some(network) = unit.network.take().filter(|_| is_root) {
-                    self.reports.networks.insert(unit.point, network);
-                }
-                if let Some(point) = self.point_of(unit.point) {
-                    self.rank_of[point] = rank as u32;
-                    self.reports.units[point] = Some(unit);
-                }
-            }
+            // The root writes the networks.
+            let networks = report.networks.into_iter().filter_map(|(point, network)| Some((point, network?)));
+            self.reports.networks.extend(networks.filter(|_| is_root));
         }
         let reports = self.reports.stats.get_mut().unwrap_or_else(PoisonError::into_inner);
         *reports = reports.merge(stats);

@@ -17,9 +17,10 @@ use serde::Deserialize;
 
 use super::TwoScaleError;
 use super::balance::{MigrationReport, When};
-use super::follower::{FollowerCommand, RESPONSES, TASKS, TIMES};
+use super::follower::{FollowerCommand, RESPONSES, SUMMARIES, TASKS, TIMES};
 use super::protocol::{
-    Command, MICRO, PieceFailure, RankReport, RankTimes, RveFailure, RveResponse, RveTask, Task, pack, unpack,
+    Command, MICRO, PieceFailure, RankReport, RankTimes, RveFailure, RveResponse, RveSummary, RveTask, Task, pack,
+    unpack,
 };
 use super::shard::{RveUpdate, Shard};
 use crate::coupling::{Scales, UnitId};
@@ -64,6 +65,15 @@ pub(super) struct MicroProxy<'a, C: Comm> {
     waited: Mutex<RankTimes>,
 }
 
+/// What the micro scale reports at the end of a step.
+pub(super) struct EndedStep {
+    pub summaries: Vec<RveSummary>,
+    /// One entry per rank of the micro scale.
+    pub reports: Vec<RankReport>,
+    /// The times of all ranks of both scales, one entry per trial state.
+    pub iterations: Vec<Vec<RankTimes>>,
+}
+
 impl<'a, C: Comm> MicroProxy<'a, C> {
     /// Creates a proxy without couplings; [`MicroProxy::couple`] adds them. Does not communicate.
     pub fn new(
@@ -94,6 +104,10 @@ impl<'a, C: Comm> MicroProxy<'a, C> {
 
     /// Couples the scales, without RVEs.
     pub fn couple(&mut self) -> Result<(), TwoScaleError> {
+        let comm = self.scales.comm();
+        if let (BodySolve::Root, 2.., Some(shard_of)) = (self.body_solve, comm.size(), &self.shard_of) {
+            comm.broadcast(0, Message::of(shard_of))?;
+        }
         self.shard = Some(Shard::new(self.scales)?);
         Ok(())
     }
@@ -292,12 +306,17 @@ impl<'a, C: Comm> MicroProxy<'a, C> {
         failed.into_iter().flatten().min_by_key(|failed| failed.failure.point).ok_or(TwoScaleError::Protocol)
     }
 
-    /// Ends a step on the micro scale. Returns the report of each of its ranks, and the times of all ranks of both
-    /// scales per trial state.
-    pub fn end_step(&mut self, converged: bool) -> Result<(Vec<RankReport>, Vec<Vec<RankTimes>>), TwoScaleError> {
+    /// Ends a step on the micro scale. Returns the summaries of the RVEs if it was committed, as [`MicroProxy::evaluate`]
+    /// returns responses, the report of each rank of the micro scale, and the times of all ranks of both scales per trial
+    /// state.
+    pub fn end_step(&mut self, converged: bool) -> Result<EndedStep, TwoScaleError> {
+        if converged {
+            self.send_to_followers(&FollowerCommand::Summarize)?;
+        }
         self.broadcast(&if converged { Command::Commit } else { Command::Revert })?;
         self.in_step = false;
         let mut reporting = RankTimes::default();
+        let summaries = if converged { self.summaries(&mut reporting)? } else { Vec::new() };
         let mut reports: Vec<RankReport> = self.gather(&mut reporting)?;
         let mut iterations = std::mem::take(&mut self.iterations);
         if let Some(last) = iterations.last_mut().and_then(|ranks| ranks.first_mut()) {
@@ -309,7 +328,27 @@ impl<'a, C: Comm> MicroProxy<'a, C> {
                 iteration.push(times);
             }
         }
-        Ok((reports, iterations))
+        Ok(EndedStep { summaries, reports, iterations })
+    }
+
+    /// Receives the summaries of the RVEs after a commit; those of other shards go through the rank of the shard.
+    fn summaries(&mut self, times: &mut RankTimes) -> Result<Vec<RveSummary>, TwoScaleError> {
+        let Self { shard: Some(shard), scales, .. } = self else { return Err(TwoScaleError::Protocol) };
+        let comm = scales.comm();
+        let mut summaries = shard.receive_summaries(times)?;
+        let start = Instant::now();
+        let of_shards = match self.body_solve {
+            BodySolve::Root => (1..comm.size()).map(|rank| comm.receive(rank, SUMMARIES)).collect::<Result<_, _>>()?,
+            BodySolve::Distributed if comm.size() > 1 && self.shard_of.is_some() => {
+                comm.gather_all(Message::of(&std::mem::take(&mut summaries)))?
+            }
+            BodySolve::Distributed => Vec::new(),
+        };
+        for of_shard in of_shards {
+            summaries.extend_from_slice(of_shard.values::<RveSummary>().ok_or(TwoScaleError::Protocol)?);
+        }
+        times.add_communication(start);
+        Ok(summaries)
     }
 
     /// Sends a command that each rank of the micro scale answers with one value; returns the values in the order of

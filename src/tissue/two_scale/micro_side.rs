@@ -12,7 +12,7 @@ use super::balance::{BalanceParams, MigrationReport, RveBalancer, RveWeights};
 use super::channels::Channels;
 use super::progress::{ProgressChannel, ProgressSender};
 use super::protocol::{
-    Command, MACRO, NewRve, PieceFailure, RankReport, RankTimes, RveFailure, RveResponse, RveTask, Task, UnitReport,
+    Command, MACRO, NewRve, PieceFailure, RankReport, RankTimes, RveFailure, RveResponse, RveSummary, RveTask, Task,
     pack, unpack,
 };
 use crate::coupling::Scales;
@@ -20,9 +20,7 @@ use crate::coupling::balance::{Planner, Weights};
 use crate::las::{Backend, Comm, Message, RealBackend};
 use crate::tissue::materials::ElementSelection;
 use crate::tissue::micro_scale::pieces;
-use crate::tissue::micro_scale::{
-    DeformedNetwork, Library, Piece, PointFailure, PointMaterial, SerializeIter, UnitState, Units,
-};
+use crate::tissue::micro_scale::{Library, Piece, PointFailure, PointMaterial, SerializeIter, UnitState, Units};
 
 /// What a rank of the micro scale sends to the macro scale for the results.
 #[derive(Clone, Debug)]
@@ -266,20 +264,22 @@ impl<C: Comm, B: RealBackend, P: Planner, V: Weights> MicroSide<'_, C, B, P, V> 
             _ => None,
         };
         let summarized = Instant::now();
-        let units = || {
-            summaries.iter().enumerate().map(|(number, summary)| UnitReport {
-                point: self.units.points()[number] as u64,
-                summary: summary.clone(),
-                network: self.network_output(number),
-            })
-        };
+        if converged {
+            let (rank, points) = (self.scales.world().rank(), self.units.points());
+            let summaries = points.iter().zip(&summaries);
+            let summaries: Vec<RveSummary> =
+                summaries.map(|(&point, summary)| RveSummary::new(point, rank, summary.as_ref())).collect();
+            self.channels.summaries.send(&self.channels.to_macro, &summaries)?;
+        }
+        let outputs = if converged { self.output_units() } else { Vec::new() };
+        let network = |&number: &usize| (self.units.points()[number] as u64, self.units.deformed_network(number));
         let report = RankReport {
             stats: self.units.take_stats(),
             bytes: self.units.bytes(),
             times,
             costs: self.units.take_costs(),
             skill,
-            units: SerializeIter(units),
+            networks: SerializeIter(|| outputs.iter().map(network)),
         };
         self.gather_to_macro(pack(&report)?)?;
         self.between.busy += (summarized - start).as_secs_f64();
@@ -287,10 +287,10 @@ impl<C: Comm, B: RealBackend, P: Planner, V: Weights> MicroSide<'_, C, B, P, V> 
         Ok(())
     }
 
-    /// The deformed network of a unit, if it is part of the output.
-    fn network_output(&self, number: usize) -> Option<DeformedNetwork> {
-        let is_output = self.networks.contains(self.units.location(number).element as usize);
-        is_output.then(|| self.units.deformed_network(number)).flatten()
+    /// The units whose deformed networks are part of the output.
+    fn output_units(&self) -> Vec<usize> {
+        let is_output = |number: &usize| self.networks.contains(self.units.location(*number).element as usize);
+        (0..self.units.len()).filter(is_output).collect()
     }
 
     /// Gathers a message of every rank of this scale and sends them to the macro scale, in the order of ranks.

@@ -55,6 +55,62 @@ crate::payload! {
     }
 }
 
+crate::payload! {
+    /// What the result files need of an RVE after a step. Its state stays on its rank.
+    pub struct RveSummary {
+        /// Its point, from 0.
+        pub point: u64,
+        /// The rank of the program that solves it.
+        pub rank: u64,
+        /// The index of its network among the models, plus one; 0 for an RVE without fibers, which has no other values.
+        pub network: u64,
+        /// Newton iterations of the step.
+        pub iterations: u64,
+        /// Orientation tensor of its fibers, column by column.
+        pub orientation: [f64; 9],
+        /// Their principal direction.
+        pub direction: [f64; 3],
+        /// Their alignment, as in [`PointSummary`].
+        pub alignment: f64,
+        /// Smallest and largest fiber stretch.
+        pub stretch: [f64; 2],
+    }
+}
+
+impl RveSummary {
+    /// The size of the value for an RVE that is not known yet.
+    pub const NONE: Self = Self {
+        point: 0,
+        rank: 0,
+        network: 0,
+        iterations: 0,
+        orientation: [0.0; 9],
+        direction: [0.0; 3],
+        alignment: 0.0,
+        stretch: [0.0; 2],
+    };
+
+    /// Packs the summary of the RVE of a point, which a rank solves.
+    pub fn new(point: usize, rank: usize, summary: Option<&PointSummary>) -> Self {
+        let place = Self { point: point as u64, rank: rank as u64, ..Self::NONE };
+        let Some(summary) = summary else { return place };
+        let PointSummary { orientation, direction, alignment, stretch, iterations, network } = *summary;
+        let mut columns = [0.0; 9];
+        columns.copy_from_slice(orientation.as_flattened());
+        let (network, iterations) = (network as u64 + 1, iterations as u64);
+        Self { network, iterations, orientation: columns, direction, alignment, stretch, ..place }
+    }
+
+    /// Returns the summary; `None` if the RVE has no fibers.
+    pub fn summary(&self) -> Option<PointSummary> {
+        let Self { iterations, orientation, direction, alignment, stretch, .. } = *self;
+        let column = |k: usize| std::array::from_fn(|i| orientation[3 * k + i]);
+        let (orientation, iterations) = (std::array::from_fn(column), iterations as usize);
+        let network = self.network.checked_sub(1)? as usize;
+        Some(PointSummary { orientation, direction, alignment, stretch, iterations, network })
+    }
+}
+
 impl NewRve {
     /// Creates an RVE of a region at a point.
     pub fn new(region: usize, point: IntegrationPoint) -> Self {
@@ -238,7 +294,7 @@ impl PieceFailure {
 
 /// The report of a rank of the micro scale at the end of a step.
 #[derive(Serialize, Deserialize)]
-pub struct RankReport<U = Vec<UnitReport>> {
+pub struct RankReport<N = Vec<(u64, Option<DeformedNetwork>)>> {
     /// Counters of the work of its RVEs.
     pub stats: RveStats,
     /// Bytes that its RVEs own.
@@ -249,19 +305,9 @@ pub struct RankReport<U = Vec<UnitReport>> {
     pub costs: Vec<Vec<RveCost>>,
     /// The rank correlation of expected and measured costs of all RVEs of the scale, if they were compared.
     pub skill: Option<f64>,
-    /// Its RVEs; empty if the step was reverted.
-    pub units: U,
-}
-
-/// The values of an RVE after a step that the result files need. Its state stays on its rank.
-#[derive(Serialize, Deserialize)]
-pub struct UnitReport {
-    /// Its point, from 0.
-    pub point: u64,
-    /// Its fiber orientation and stretches for the result files.
-    pub summary: Option<PointSummary>,
-    /// Its deformed network, if it is part of the output.
-    pub network: Option<DeformedNetwork>,
+    /// The points whose deformed networks are part of the output, and the networks of those that have one; empty if the
+    /// step was reverted.
+    pub networks: N,
 }
 
 /// An RVE that found no equilibrium.

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::TwoScaleError;
 use super::channels::Channels;
-use super::protocol::{NewRve, RankTimes, RveResponse, RveTask};
+use super::protocol::{NewRve, RankTimes, RveResponse, RveSummary, RveTask};
 use crate::coupling::{EvenPartition, Scales, UnitId};
 use crate::fem::mesh::IntegrationPoint;
 use crate::las::Comm;
@@ -83,5 +83,18 @@ impl<C: Comm> Shard<C> {
         times.idle += waited.as_secs_f64();
         times.communication += (start.elapsed() - waited).as_secs_f64();
         Ok(&self.responses)
+    }
+
+    /// Receives the summaries of all RVEs after a commit.
+    pub fn receive_summaries(&mut self, times: &mut RankTimes) -> Result<Vec<RveSummary>, TwoScaleError> {
+        let start = Instant::now();
+        let Channels { to_macro, summaries, .. } = &mut self.channels;
+        let mut received = vec![RveSummary::NONE; to_macro.units().len()];
+        let before = summaries.waited();
+        summaries.receive(to_macro, &mut received)?;
+        let waited = summaries.waited() - before;
+        times.idle += waited.as_secs_f64();
+        times.communication += (start.elapsed() - waited).as_secs_f64();
+        Ok(received)
     }
 }

@@ -3,15 +3,11 @@
 use std::sync::OnceLock;
 
 use biotissue::app::Examination;
-use biotissue::app::case::Case;
-use biotissue::app::macro_scale;
-use biotissue::app::material_fields;
-use biotissue::app::run::{BodyRanks, RootWriter, Setup, WriterGroup};
+use biotissue::app::run::{RootWriter, ScaleRanks, Setup, WriterGroup};
 use biotissue::app::rve_device;
 use biotissue::backends::BackendName;
 use biotissue::coupling::{ScaleError, Scales};
 use biotissue::las::Comm;
-use biotissue::tissue::materials::Materials;
 use biotissue::tissue::micro_scale::Library;
 use biotissue::tissue::two_scale::{
     self, BodySolve, MACRO, MICRO, MicroOutput, ProgressChannel, ScaleField, TwoScaleError,
@@ -50,7 +46,7 @@ pub(super) fn on_scale<C: Ranks>(
     }
     match scales.comm().rank() {
         0 => dispatch(run.backend, MacroRank { world, scales, run, progress, body_solve: BodySolve::Root }).map(Some),
-        _ => run_follower(world, scales, run),
+        _ => run_follower(world, scales),
     }
 }
 
@@ -68,10 +64,9 @@ fn run_distributed<C: Ranks>(
     Ok((scales.comm().rank() == 0).then_some(outcome))
 }
 
-fn run_follower<C: Ranks>(world: &C, scales: &Scales<C>, run: &RunContext<'_>) -> Result<Option<Outcome>, Failure> {
-    let mesh = macro_scale::mesh(&run.case).map_err(|error| ranks_failed(&error));
-    if let Ok((mesh, _)) = agreed(world, mesh)? {
-        two_scale::follow(scales, &mesh).map_err(|error| ranks_failed(&error))?;
+fn run_follower<C: Ranks>(world: &C, scales: &Scales<C>) -> Result<Option<Outcome>, Failure> {
+    if let Ok(()) = agreed(world, Ok(()))? {
+        two_scale::follow(scales).map_err(|error| ranks_failed(&error))?;
     }
     Ok(None)
 }
@@ -90,7 +85,8 @@ impl<C: Ranks> Job for MicroRank<'_, C> {
     fn run<B: ProgramBackend>(self, _: B::Context) -> Result<Self::Output, Failure> {
         let Self { world, scales, run, progress } = self;
         // The macro scale reads the same files and reports their errors.
-        let read = materials(&run.case).and_then(|materials| {
+        let ranks = ScaleRanks { world, scales, divides: false };
+        let read = ranks.materials(&run.case).map_err(|error| ranks_failed(&error)).and_then(|materials| {
             let device = materials.rve.device;
             let (mut library, warnings) =
                 Library::<B::Micro>::read((), materials).map_err(|error| ranks_failed(&error))?;
@@ -110,15 +106,6 @@ impl<C: Ranks> Job for MicroRank<'_, C> {
     }
 }
 
-/// Returns the materials of a case; reads the mesh only if the materials depend on it.
-fn materials(case: &Case) -> Result<Materials, Failure> {
-    if let Some(materials) = case.materials() {
-        return Ok(materials);
-    }
-    let read = macro_scale::mesh(case).and_then(|(mesh, _)| material_fields::resolve(case, &mesh));
-    read.map(|resolved| resolved.materials).map_err(|errors| ranks_failed(&errors))
-}
-
 /// A rank of the macro scale that solves for the body.
 struct MacroRank<'a, C: Comm> {
     world: &'a C,
@@ -136,11 +123,10 @@ impl<C: Ranks> Job for MacroRank<'_, C> {
         let Self { world, scales, run, progress, body_solve } = self;
         let case = run.case.clone();
         let hints = CaseHints::of(&case);
-        let (rank, ranks) = (scales.comm().rank(), scales.comm().size());
         let balances = case.scales.balance.map(|balance| balance.when);
-        let divides = body_solve == BodySolve::Distributed && ranks > 1;
-        let among = divides.then_some(BodyRanks { rank, ranks });
-        let setup = Setup::<B, ScaleField<'_, C, B::Micro>>::with_material(context, case, among, |materials, mesh| {
+        let divides = body_solve == BodySolve::Distributed && scales.comm().size() > 1;
+        let among = ScaleRanks { world, scales, divides };
+        let setup = Setup::<B, ScaleField<'_, C, B::Micro>>::with_material(context, case, &among, |materials, mesh| {
             ScaleField::new((scales, body_solve, balances), (), materials, mesh)
         });
         let setup = setup.map_err(|error| not_set_up(&hints, error));

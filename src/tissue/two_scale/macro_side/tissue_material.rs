@@ -70,7 +70,7 @@ impl<C: Comm, B: RealBackend> TissueMaterial for ScaleField<'_, C, B> {
     }
 
     fn summaries(&self) -> Vec<Option<PointSummary>> {
-        self.reports.units.iter().map(|unit| unit.as_ref().and_then(|unit| unit.summary.clone())).collect()
+        self.reports.summaries.clone()
     }
 
     fn deformed_network(&self, point: usize) -> Option<DeformedNetwork> {
