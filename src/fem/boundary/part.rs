@@ -53,7 +53,7 @@ mod tests {
     use nalgebra::{Rotation3, Vector3};
 
     use super::super::*;
-    use crate::fem::mesh::{CommonElements, Division, Excerpt, shapes};
+    use crate::fem::mesh::{Division, Excerpt, ExcerptElements, shapes};
 
     /// Conditions of all kinds on the box from the origin to (4, 3, 2).
     fn conditions() -> Vec<Conditions> {
@@ -118,13 +118,14 @@ mod tests {
                 let whole = Boundary::new(&mesh, &conditions).unwrap();
                 let supports: Vec<_> = whole.free_mode_supports().collect();
                 assert_eq!(supports.is_empty(), !conditions.hold_free_modes);
-                let common = CommonElements::new(&mesh, whole.point_nodes().iter().copied().flatten());
                 let elements = mesh.elements().len();
                 for ranks in [2, 5] {
                     let rank_of = (0..elements).map(|element| (element * ranks / elements) as u32).collect();
                     let division = Division::new(&mesh, rank_of, ranks, whole.node_groups());
+                    let points = whole.point_nodes().iter().copied().flatten();
+                    let of_excerpts = ExcerptElements::new(&mesh, &division, points);
                     for rank in 0..ranks {
-                        let excerpt = Excerpt::new(&mesh, &division, rank, &common);
+                        let excerpt = Excerpt::new(&mesh, &division, rank, &of_excerpts);
                         let resolved = Boundary::on_excerpt(excerpt.mesh(), &conditions, &supports).unwrap();
                         let found = resolved.on_part(&excerpt.part().1).unwrap();
                         let part = mesh.divided(&division, rank);

@@ -15,12 +15,20 @@ pub struct Excerpt {
     is_held: Vec<bool>,
 }
 
-/// The elements that the excerpts of all ranks have.
-pub struct CommonElements(Vec<bool>);
+/// The elements of the excerpts of all ranks.
+pub struct ExcerptElements {
+    /// The elements of the part of each rank.
+    of_parts: Vec<Vec<u32>>,
+    /// The elements that all excerpts have.
+    common: Vec<u32>,
+}
 
-impl CommonElements {
-    /// Returns the elements at the surfaces of a mesh and at these nodes.
-    pub fn new(mesh: &Mesh, nodes: impl Iterator<Item = u32>) -> Self {
+impl ExcerptElements {
+    /// Divides the elements of a mesh; those at its surfaces and at the given nodes belong to all excerpts.
+    ///
+    /// # Panics
+    /// Panics if the division is not one of the mesh.
+    pub fn new(mesh: &Mesh, division: &Division, nodes: impl Iterator<Item = u32>) -> Self {
         let (mut on_surface, mut is_chosen) = (vec![false; mesh.nodes().len()], vec![false; mesh.nodes().len()]);
         for &node in mesh.surfaces().iter().flat_map(|surface| surface.faces.iter().flatten()) {
             on_surface[node as usize] = true;
@@ -31,7 +39,8 @@ impl CommonElements {
             nodes.iter().filter(|&&node| on_surface[node as usize]).count() >= 3
                 || nodes.iter().any(|&node| is_chosen[node as usize])
         };
-        Self(mesh.elements().iter().map(is_common).collect())
+        let common = (0..).zip(mesh.elements().iter()).filter(|(_, nodes)| is_common(nodes));
+        Self { of_parts: mesh.elements_of_parts(division), common: common.map(|(element, _)| element).collect() }
     }
 }
 
@@ -39,14 +48,21 @@ impl Excerpt {
     /// Returns the excerpt of a rank.
     ///
     /// # Panics
-    /// Panics if the division or the common elements are not those of the mesh.
-    pub fn new(mesh: &Mesh, division: &Division, rank: usize, common: &CommonElements) -> Self {
-        let of_part = mesh.held_by(division, rank);
-        let is_chosen: Vec<bool> = of_part.iter().zip(&common.0).map(|(held, common)| held | common).collect();
-        let place = Arc::new(mesh.place(division, rank, &is_chosen));
-        let is_held = place.elements.iter().map(|&element| of_part[element as usize]).collect();
+    /// Panics if the division or the elements are not those of the mesh, or there is no such rank.
+    pub fn new(mesh: &Mesh, division: &Division, rank: usize, elements: &ExcerptElements) -> Self {
+        let of_part = &elements.of_parts[rank];
+        let mut of_excerpt = [of_part.as_slice(), &elements.common].concat();
+        of_excerpt.sort_unstable();
+        of_excerpt.dedup();
+        let is_held = of_excerpt.iter().map(|element| of_part.binary_search(element).is_ok()).collect();
+        let place = Arc::new(mesh.place(division, rank, of_excerpt));
         let all_faces = |place: &Part, faces: &Faces| faces.map(|node| place.local_node(node).unwrap_or_default());
         Self { mesh: mesh.restricted(&place, Arc::clone(&place), all_faces), is_held }
+    }
+
+    /// The elements of the part, by their numbers in the excerpt.
+    fn held(&self) -> Vec<u32> {
+        (0..).zip(&self.is_held).filter(|(_, is_held)| **is_held).map(|(element, _)| element).collect()
     }
 
     /// Returns the mesh: the part with further ghosts.
@@ -56,7 +72,7 @@ impl Excerpt {
 
     /// Returns the numbers in the whole mesh of the nodes of the part, ascending.
     pub fn part_nodes(&self) -> Vec<u32> {
-        let nodes = self.mesh.chosen(&self.is_held).1;
+        let nodes = self.mesh.nodes_of(&self.held());
         self.mesh
             .part()
             .map_or_else(|| nodes.clone(), |place| nodes.iter().map(|&node| place.nodes[node as usize]).collect())
@@ -64,9 +80,10 @@ impl Excerpt {
 
     /// Returns the part, as [`Mesh::divided`] returns it, and its place in the excerpt.
     pub fn part(&self) -> (Mesh, Part) {
-        let Self { mesh, is_held } = self;
+        let mesh = &self.mesh;
         let place = mesh.part().cloned().unwrap_or_else(|| Arc::new(undivided(mesh)));
-        let (elements, nodes) = mesh.chosen(is_held);
+        let elements = self.held();
+        let nodes = mesh.nodes_of(&elements);
         let here = Part {
             rank: place.rank,
             ranks: place.ranks,
@@ -125,9 +142,9 @@ mod tests {
                 let rank_of: Vec<u32> = (0..elements).map(|element| (element * ranks / elements) as u32).collect();
                 let group: Vec<u32> = mesh.surfaces()[0].nodes();
                 let division = Division::new(&mesh, rank_of, ranks, std::iter::once(group.as_slice()));
-                let common = CommonElements::new(&mesh, std::iter::once(3));
+                let elements = ExcerptElements::new(&mesh, &division, std::iter::once(3));
                 for rank in 0..ranks {
-                    let excerpt = Excerpt::new(&mesh, &division, rank, &common);
+                    let excerpt = Excerpt::new(&mesh, &division, rank, &elements);
                     let (part, here) = excerpt.part();
                     assert_eq!(part, mesh.divided(&division, rank), "rank {rank} of {ranks}");
                     assert_eq!(excerpt.part_nodes(), part.part().unwrap().nodes);

@@ -36,7 +36,7 @@ pub mod shapes;
 
 pub use cells::{Block, Cells, Elements, Faces};
 pub use check::MeshError;
-pub use excerpt::{CommonElements, Excerpt};
+pub use excerpt::{Excerpt, ExcerptElements};
 pub(super) use measure::longest_edge;
 pub use part::{Division, Part, Sizes};
 pub use points::{IntegrationPoint, PointNumbering};

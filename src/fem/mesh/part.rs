@@ -1,5 +1,6 @@
 //! The part of a mesh that one rank holds.
 
+use std::collections::HashMap;
 use std::sync::Arc;
 
 use super::{Elements, Faces, Mesh, PointNumbering, Surface};
@@ -16,6 +17,8 @@ pub struct Division {
     pub rank_of_node: Vec<u32>,
     /// The number of ranks.
     pub ranks: usize,
+    /// The number of elements of each rank.
+    elements_of_rank: Vec<usize>,
 }
 
 /// The place of a part of a mesh in the whole mesh.
@@ -81,13 +84,9 @@ impl Division {
             let lowest = group.iter().map(|&node| rank_of_node[node as usize]).min().unwrap_or_default();
             group.iter().for_each(|&node| rank_of_node[node as usize] = lowest);
         }
-        Self { rank_of_element, rank_of_node, ranks }
-    }
-
-    fn elements_of_rank(&self) -> Vec<usize> {
-        let mut counts = vec![0; self.ranks];
-        self.rank_of_element.iter().for_each(|&rank| counts[rank as usize] += 1);
-        counts
+        let mut elements_of_rank = vec![0; ranks];
+        rank_of_element.iter().for_each(|&rank| elements_of_rank[rank as usize] += 1);
+        Self { rank_of_element, rank_of_node, ranks, elements_of_rank }
     }
 
     /// Returns the nodes in the order of their ranks, those of one rank ascending.
@@ -96,6 +95,14 @@ impl Division {
         order.sort_by_key(|&node| self.rank_of_node[node as usize]);
         order
     }
+}
+
+/// Returns these numbers, each once, ascending.
+fn distinct(numbers: impl Iterator<Item = u32>) -> Vec<u32> {
+    let mut numbers: Vec<u32> = numbers.collect();
+    numbers.sort_unstable();
+    numbers.dedup();
+    numbers
 }
 
 impl Part {
@@ -142,35 +149,46 @@ impl Mesh {
     /// # Panics
     /// Panics if the division does not have one rank per element and per node.
     pub fn divided(&self, division: &Division, rank: usize) -> Self {
-        let part = Arc::new(self.place(division, rank, &self.held_by(division, rank)));
+        let elements = self.elements_of_parts(division).swap_remove(rank);
+        let part = Arc::new(self.place(division, rank, elements));
         self.restricted(&part, Arc::clone(&part), |part, faces| part.faces(faces).0)
     }
 
-    /// Returns, for each element, whether the part of a rank has it, as own element or as ghost.
-    pub(super) fn held_by(&self, division: &Division, rank: usize) -> Vec<bool> {
-        let Division { rank_of_element, rank_of_node, .. } = division;
-        let own = rank as u32;
-        let mut is_held: Vec<bool> = (self.elements.iter().zip(rank_of_element))
-            .map(|(nodes, &of)| of == own || nodes.iter().any(|&node| rank_of_node[node as usize] == own))
-            .collect();
-        for patch in &self.patches {
-            if patch.iter().any(|&element| is_held[element as usize]) {
-                patch.iter().for_each(|&element| is_held[element as usize] = true);
+    /// Returns the elements of the part of each rank, own ones and ghosts, ascending.
+    pub(super) fn elements_of_parts(&self, division: &Division) -> Vec<Vec<u32>> {
+        let Division { rank_of_element, rank_of_node, ranks, .. } = division;
+        let ranks_of = |element: usize| {
+            let of_nodes = self.elements[element].iter().map(|&node| rank_of_node[node as usize]);
+            std::iter::once(rank_of_element[element]).chain(of_nodes)
+        };
+        // A part has all elements of a patch, or none.
+        let mut patch_of = HashMap::new();
+        let mut ranks_of_patches = Vec::with_capacity(self.patches.len());
+        for (number, patch) in self.patches.iter().enumerate() {
+            ranks_of_patches.push(distinct(patch.iter().flat_map(|&element| ranks_of(element as usize))));
+            patch_of.extend(patch.iter().map(|&element| (element as usize, number)));
+        }
+        let mut elements = vec![Vec::new(); *ranks];
+        for element in 0..self.elements.len() {
+            let alone = || distinct(ranks_of(element));
+            let of_patch = patch_of.get(&element).map(|&patch| ranks_of_patches[patch].clone());
+            for rank in of_patch.unwrap_or_else(alone) {
+                elements[rank as usize].push(element as u32);
             }
         }
-        is_held
+        elements
     }
 
-    /// Returns the place of these elements and their nodes, held by a rank, in this mesh.
-    pub(super) fn place(&self, division: &Division, rank: usize, is_held: &[bool]) -> Part {
-        let Division { rank_of_element, rank_of_node, ranks } = division;
-        let (elements, nodes) = self.chosen(is_held);
+    /// Returns the place of these elements, ascending, and their nodes, held by a rank, in this mesh.
+    pub(super) fn place(&self, division: &Division, rank: usize, elements: Vec<u32>) -> Part {
+        let Division { rank_of_element, rank_of_node, ranks, .. } = division;
+        let nodes = self.nodes_of(&elements);
         Part {
             rank,
             ranks: *ranks,
             is_own_node: nodes.iter().map(|&node| rank_of_node[node as usize] == rank as u32).collect(),
             rank_of_element: elements.iter().map(|&element| rank_of_element[element as usize]).collect(),
-            elements_of_rank: division.elements_of_rank(),
+            elements_of_rank: division.elements_of_rank.clone(),
             nodes,
             elements: elements.into(),
             whole: self.sizes(),
@@ -178,14 +196,9 @@ impl Mesh {
         }
     }
 
-    /// Returns the chosen elements and their nodes, both ascending.
-    pub(super) fn chosen(&self, is_chosen: &[bool]) -> (Vec<u32>, Vec<u32>) {
-        let elements: Vec<u32> = (0..is_chosen.len() as u32).filter(|&element| is_chosen[element as usize]).collect();
-        let mut nodes: Vec<u32> =
-            elements.iter().flat_map(|&element| &self.elements[element as usize]).copied().collect();
-        nodes.sort_unstable();
-        nodes.dedup();
-        (elements, nodes)
+    /// Returns the nodes of these elements, ascending.
+    pub(super) fn nodes_of(&self, elements: &[u32]) -> Vec<u32> {
+        distinct(elements.iter().flat_map(|&element| &self.elements[element as usize]).copied())
     }
 
     /// Returns the numbers of nodes, elements and points.

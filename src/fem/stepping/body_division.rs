@@ -5,7 +5,7 @@ use super::{SetupError, StepParams, merged};
 use crate::fem::assembly::{self, PartUnknowns, RankNumbers};
 use crate::fem::boundary::{Boundary, Conditions};
 use crate::fem::constraint::Constraints;
-use crate::fem::mesh::{CommonElements, Division, Excerpt, Mesh};
+use crate::fem::mesh::{Division, Excerpt, ExcerptElements, Mesh};
 use crate::fem::rigid_modes;
 use crate::las::{Backend, SolverChoice, SolverParams};
 
@@ -13,7 +13,7 @@ use crate::las::{Backend, SolverChoice, SolverParams};
 pub struct BodyDivision<'a> {
     mesh: &'a Mesh,
     division: &'a Division,
-    common: CommonElements,
+    elements: ExcerptElements,
     supports: Vec<(u32, u8)>,
     volumes: Vec<f64>,
     numbers: RankNumbers,
@@ -69,7 +69,7 @@ impl<'a> BodyDivision<'a> {
         Ok(Self {
             mesh,
             division,
-            common: CommonElements::new(mesh, boundary.point_nodes().iter().copied().flatten()),
+            elements: ExcerptElements::new(mesh, division, boundary.point_nodes().iter().copied().flatten()),
             supports: boundary.free_mode_supports().collect(),
             volumes: constraints.reference_volumes(),
             numbers: unknowns.by_rank(division),
@@ -85,7 +85,7 @@ impl<'a> BodyDivision<'a> {
     /// # Panics
     /// Panics if the division has fewer ranks.
     pub fn piece(&self, rank: usize) -> BodyPiece {
-        let excerpt = Excerpt::new(self.mesh, self.division, rank, &self.common);
+        let excerpt = Excerpt::new(self.mesh, self.division, rank, &self.elements);
         let unknowns = self.numbers.on_part(rank, &excerpt.part_nodes());
         BodyPiece {
             excerpt,
