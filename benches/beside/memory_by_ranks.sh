@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# Runs the cube of run.sh on PETSc with several numbers of ranks of the macro scale, and prints for each the greatest memory
-# of one rank, the same without what a body of a few elements takes (the libraries), and the greatest difference of a reaction
-# from that of the first number, relative to the greatest reaction. The arguments are the number of cells along a side, by
+# Runs the cube of run.sh on PETSc with several numbers of ranks of the macro scale, and prints for each the memory of the first
+# rank, which reads the mesh, and the greatest of the others, both also without what a body of a few elements takes (the
+# libraries), and the greatest difference of a reaction from that of the first number, relative to the greatest reaction. The arguments are the number of cells along a side, by
 # default 40, and the numbers of ranks, by default 1 2 4 8.
 #
 # Needs MPI, PETSc and the command `time`, as the tests do (scripts/test.sh installs them).
@@ -31,7 +31,7 @@ micro = 1
 CASE
 }
 
-# Prints the greatest memory of a macro rank, kilobytes.
+# Prints the memory of the first macro rank and the greatest of the others, kilobytes.
 run_on() { # run_on CELLS MACRO_RANKS
     local ranks=$(($2 + 1)) rank_memory="$folder/memory"
     rm -f "$rank_memory".*
@@ -44,19 +44,21 @@ run_on() { # run_on CELLS MACRO_RANKS
         exit 1
     }
     # The last rank is that of the micro scale, which has nothing to solve.
-    for rank in $(seq 0 $(($2 - 1))); do cat "$rank_memory.$rank"; done | sort -n | tail -n 1
+    cat "$rank_memory.0"
+    for rank in $(seq 1 $(($2 - 1))); do cat "$rank_memory.$rank"; done | sort -n | tail -n 1
 }
 
 libraries=$(run_on 2 1)
 echo "libraries: $((libraries / 1000)) MB"
 for macro in "${numbers[@]}"; do
     start=$(date +%s.%N)
-    memory=$(run_on "$cells" "$macro")
+    mapfile -t memory < <(run_on "$cells" "$macro")
     wall=$(awk -v start="$start" -v end="$(date +%s.%N)" 'BEGIN { print end - start }')
     cp "$folder/out/loads.csv" "$folder/loads.$macro"
     difference=$(force_difference "$folder/loads.${numbers[0]}" "$folder/loads.$macro")
-    awk -v cells="$cells" -v macro="$macro" -v memory="$memory" -v libraries="$libraries" -v wall="$wall" \
-        -v difference="$difference" 'BEGIN {
-            printf "%d cells, %d ranks: %5.0f MB, %5.0f MB without libraries, %6.1f s, difference %s\n",
-                cells, macro, memory / 1000, (memory - libraries) / 1000, wall, difference }'
+    awk -v cells="$cells" -v macro="$macro" -v first="${memory[0]}" -v others="${memory[1]:-$libraries}" \
+        -v libraries="$libraries" -v wall="$wall" -v difference="$difference" 'BEGIN {
+            printf "%d cells, %2d ranks: first %5.0f MB, others %5.0f MB, without libraries %5.0f and %5.0f MB, %5.1f s, difference %s\n",
+                cells, macro, first / 1000, others / 1000, (first - libraries) / 1000, (others - libraries) / 1000, wall,
+                difference }'
 done
