@@ -99,7 +99,7 @@ pub enum MeshError {
         face: Vec<u32>,
     },
     /// Some nodes belong to no element.
-    #[error("{count} nodes belong to no element, the first of them node {first}")]
+    #[error("nodes that belong to no element: {count}, the first of them node {first}")]
     UnusedNodes {
         /// The number of unused nodes.
         count: usize,

@@ -26,6 +26,7 @@
 //!   Newton converged: Iterate, Task::Verify --->       verify that responses continue the last step
 //!   strain creates RVEs: Command::Units ------->       update units; Newton evaluates again
 //!   converged: Command::Commit; else Revert --->     step_complete
+//!     receive summaries for the fields <--------       after a commit: send summaries
 //!   strain deletes RVEs: Command::Units ------->     update units
 //! a checkpoint is due: Command::Save ---------->   each rank writes the states of its RVEs to a piece
 //! Command::Complete --------------------------->   complete
