@@ -6,7 +6,6 @@
 
 use std::cell::Cell;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-#[cfg(any(feature = "app", feature = "sparse", test))]
 use std::sync::{Mutex, PoisonError};
 
 use rayon::prelude::*;
@@ -43,11 +42,44 @@ pub(crate) fn map<I: Send, R: Send>(
     chunks: impl IntoIterator<Item = I>,
     work: impl Fn(I) -> R + Sync + Send,
 ) -> Vec<R> {
-    let chunks: Vec<I> = chunks.into_iter().collect();
-    if chunks.len() <= 1 || threads() == 1 {
-        return chunks.into_iter().map(work).collect();
+    // Loops instead of `collect`, which the compiler would specialize for every pair of types.
+    let mut results = Vec::new();
+    if threads() == 1 {
+        for chunk in chunks {
+            results.push(work(chunk));
+        }
+        return results;
     }
-    chunks.into_par_iter().map(work).collect()
+    let slots: Vec<Mutex<Slot<I, R>>> = chunks.into_iter().map(|chunk| Mutex::new(Slot::Chunk(chunk))).collect();
+    for_each_number(slots.len(), &|number| {
+        let mut slot = slots[number].lock().unwrap_or_else(PoisonError::into_inner);
+        if let Slot::Chunk(chunk) = std::mem::replace(&mut *slot, Slot::Running) {
+            *slot = Slot::Result(work(chunk));
+        }
+    });
+    results.reserve_exact(slots.len());
+    for slot in slots {
+        if let Ok(Slot::Result(result)) = slot.into_inner() {
+            results.push(result);
+        }
+    }
+    results
+}
+
+/// What becomes of a chunk in [`map`].
+enum Slot<I, R> {
+    Chunk(I),
+    Running,
+    Result(R),
+}
+
+/// Calls `work` with each of `0..len`, on all threads. Not generic: rayon's code for one call is as long as that of a large
+/// numerical kernel, and all loops over chunks share it.
+fn for_each_number(len: usize, work: &(dyn Fn(usize) + Sync)) {
+    match len {
+        1 => work(0),
+        _ => (0..len).into_par_iter().for_each(work),
+    }
 }
 
 /// Calls `work` with every item: each thread takes the next one as soon as it is free. Returns the results in the order
@@ -62,8 +94,7 @@ pub(crate) fn take_in_turn<I: Send, R: Send>(items: Vec<I>, work: impl Fn(I) -> 
     let next = || queue.lock().unwrap_or_else(PoisonError::into_inner).next();
     let of_thread =
         |_| -> Vec<(usize, R)> { std::iter::from_fn(next).map(|(number, item)| (number, work(item))).collect() };
-    let of_threads: Vec<_> = (0..threads()).into_par_iter().with_max_len(1).map(of_thread).collect();
-    of_threads.into_iter().flatten().for_each(|(number, result)| results[number] = Some(result));
+    map(0..threads(), of_thread).into_iter().flatten().for_each(|(number, result)| results[number] = Some(result));
     results.into_iter().flatten().collect()
 }
 
