@@ -19,6 +19,7 @@ pub mod material_fields;
 pub mod mesh_files;
 mod nodal_fields;
 mod plausibility;
+mod progress;
 mod rank_shares;
 mod recorder;
 pub mod report;
@@ -30,4 +31,4 @@ mod stress;
 pub mod vtu;
 
 pub use plausibility::{Examination, FloppyNetworks, LoadOf, LoadSize};
-pub use recorder::Progress;
+pub use progress::Progress;
