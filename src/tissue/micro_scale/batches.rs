@@ -11,13 +11,13 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use nalgebra::Matrix3;
-use rayon::prelude::*;
 
 use super::activity::Activity;
 use super::error::{PointFailure, PointFailureKind};
 use super::iterations::IterationCounts;
 use super::library::Library;
 use super::order::Order;
+use super::sweep::GradientOf;
 use super::unit::{Origin, RveStats, Unit};
 use super::units::Units;
 use crate::fem::material::Response;
@@ -35,11 +35,7 @@ pub(super) type Done = Vec<Option<(RveStats, f64)>>;
 impl<B: RealBackend> Units<B> {
     /// Brings RVEs to equilibrium, those of each model with a solver for batches at once. RVEs without a gradient, or with
     /// an unchanged one, are left alone.
-    pub(super) fn solve_batches(
-        &mut self,
-        gradient: &(impl Fn(usize, usize) -> Option<Matrix3<f64>> + Sync),
-        order: &Order,
-    ) -> Result<Done, PointFailure> {
+    pub(super) fn solve_batches(&mut self, gradient: &GradientOf<'_>, order: &Order) -> Result<Done, PointFailure> {
         let Self { library, points, units, activity, .. } = self;
         let target_of = |number: usize, unit: &Unit| {
             let target = gradient(number, points[number])?;
@@ -56,21 +52,17 @@ impl<B: RealBackend> Units<B> {
                 .collect();
             let solved = solver.solve(&mut rves, &targets, &library.params, &progress);
             let solved = solved.map_err(|reason| device_failure(&chosen, reason))?;
-            let accepted =
-                chosen.into_par_iter().zip(predicted).zip(solved).map(|((chosen, predicted), equilibrium)| {
-                    let Chosen { number, unit, target } = chosen;
-                    Some((number, accept(unit, &target, predicted, &equilibrium?)?))
-                });
-            Ok(accepted.collect::<Vec<_>>().into_iter().flatten().collect())
+            let found = chosen.into_iter().zip(predicted).zip(solved);
+            let accepted = parallel::map(found, |((chosen, predicted), equilibrium)| {
+                let Chosen { number, unit, target } = chosen;
+                Some((number, accept(unit, &target, predicted, &equilibrium?)?))
+            });
+            Ok(accepted.into_iter().flatten().collect())
         })
     }
 
     /// Verifies the equilibria of RVEs, those of each model with a solver for batches at once.
-    pub(super) fn verify_batches(
-        &mut self,
-        gradient: &(impl Fn(usize, usize) -> Option<Matrix3<f64>> + Sync),
-        order: &Order,
-    ) -> Result<Done, PointFailure> {
+    pub(super) fn verify_batches(&mut self, gradient: &GradientOf<'_>, order: &Order) -> Result<Done, PointFailure> {
         let Self { library, points, units, .. } = self;
         let target_of = |number: usize, unit: &Unit| {
             let is_open = unit.fibers.as_ref().is_some_and(|fibers| fibers.origin == Origin::Trial);

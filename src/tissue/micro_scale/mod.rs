@@ -250,7 +250,7 @@ impl<B: RealBackend> PointField for TissueField<B> {
         let Self { sites, units, .. } = self;
         // Points that need no RVE come first: an inverted point there fails before any RVE is solved.
         sites.evaluate(gradients, out)?;
-        units.solve(|_, point| sites.is_awake(point).then(|| gradients[point]))?;
+        units.solve(&|_, point| sites.is_awake(point).then(|| gradients[point]))?;
         units.record_costs();
         for (point, response) in units.responses() {
             if let Some(response) = response.filter(|_| sites.is_awake(point)) {
@@ -262,7 +262,7 @@ impl<B: RealBackend> PointField for TissueField<B> {
 
     fn verify(&mut self, gradients: &[Matrix3<f64>], out: &mut PointResponses) -> Result<bool, Self::Error> {
         let Self { sites, units, .. } = self;
-        let replaced = units.verify(|_, point| sites.is_awake(point).then(|| gradients[point]))?;
+        let replaced = units.verify(&|_, point| sites.is_awake(point).then(|| gradients[point]))?;
         for &number in &replaced {
             let point = units.points()[number];
             if let Some((_, response)) = units.response(number) {

@@ -99,7 +99,7 @@ impl<B: RealBackend> PointField for SampledField<B> {
         self.sites.evaluate(gradients, out)?;
         self.evaluate_laws(gradients, out)?;
         let sites = &self.sites;
-        let solved = self.units.solve(|_, point| sites.is_awake(point).then(|| gradients[point]));
+        let solved = self.units.solve(&|_, point| sites.is_awake(point).then(|| gradients[point]));
         self.failures += usize::from(solved.is_err());
         Ok(())
     }

@@ -16,6 +16,10 @@ use crate::coupling::balance::Cost;
 use crate::las::RealBackend;
 use crate::parallel;
 
+/// Returns the deformation gradient that an RVE is to reach, from its index and its point; `None` leaves it alone. A trait
+/// object, so that all callers share the code of a sweep: one call takes nothing beside the solution of an RVE.
+pub(in crate::tissue) type GradientOf<'a> = dyn Fn(usize, usize) -> Option<Matrix3<f64>> + Sync + 'a;
+
 impl<B: RealBackend> Units<B> {
     /// Brings the RVEs to equilibrium, each at the deformation gradient that `gradient` returns for its index and its
     /// point; an RVE without a gradient is not changed.
@@ -24,14 +28,11 @@ impl<B: RealBackend> Units<B> {
     /// Returns the failure of the lowest point that has one. Points above it are skipped if the failure is known in
     /// time, and all RVEs are reverted to the last [`Units::commit`], so that nothing depends on which of them were
     /// solved.
-    pub fn solve(
-        &mut self,
-        gradient: impl Fn(usize, usize) -> Option<Matrix3<f64>> + Sync,
-    ) -> Result<(), PointFailure> {
+    pub fn solve(&mut self, gradient: &GradientOf<'_>) -> Result<(), PointFailure> {
         let activity = Arc::clone(&self.activity);
         let _evaluation = activity.evaluate(self.units.len());
         let order = self.expected_order();
-        let done = self.solve_batches(&gradient, &order).inspect_err(|_| self.revert())?;
+        let done = self.solve_batches(gradient, &order).inspect_err(|_| self.revert())?;
         let solved = self.for_each_unit(gradient, (done, &order), |unit, gradient, library, worker, stats| {
             unit.respond(gradient, library, worker, stats).map(|_| false)
         });
@@ -44,14 +45,11 @@ impl<B: RealBackend> Units<B> {
     ///
     /// # Errors
     /// As for [`Units::solve`].
-    pub fn verify(
-        &mut self,
-        gradient: impl Fn(usize, usize) -> Option<Matrix3<f64>> + Sync,
-    ) -> Result<Vec<usize>, PointFailure> {
+    pub fn verify(&mut self, gradient: &GradientOf<'_>) -> Result<Vec<usize>, PointFailure> {
         let activity = Arc::clone(&self.activity);
         let _evaluation = activity.evaluate(self.units.len());
         let order = self.expected_order();
-        let done = self.verify_batches(&gradient, &order).inspect_err(|_| self.revert())?;
+        let done = self.verify_batches(gradient, &order).inspect_err(|_| self.revert())?;
         self.for_each_unit(gradient, (done, &order), Unit::verify)
     }
 
@@ -59,7 +57,7 @@ impl<B: RealBackend> Units<B> {
     /// the indices of the units for which it returned true, ascending.
     fn for_each_unit(
         &mut self,
-        gradient: impl Fn(usize, usize) -> Option<Matrix3<f64>> + Sync,
+        gradient: &GradientOf<'_>,
         (done, order): (Done, &Order),
         action: impl Fn(
             &mut Unit,

@@ -192,8 +192,8 @@ impl<C: Comm, B: RealBackend, P: Planner, V: Weights> MicroSide<'_, C, B, P, V> 
         let (received, waited) = (Instant::now(), self.channels.tasks.waited() - before);
         let tasks = &self.tasks;
         let outcome = match task {
-            Task::Verify => self.units.verify(|number, _| tasks[number].for_task(Task::Verify)),
-            _ => self.units.solve(|number, _| tasks[number].for_task(Task::Solve)).map(|()| Vec::new()),
+            Task::Verify => self.units.verify(&|number, _| tasks[number].for_task(Task::Verify)),
+            _ => self.units.solve(&|number, _| tasks[number].for_task(Task::Solve)).map(|()| Vec::new()),
         };
         let (replaced, failed) = match outcome {
             Ok(replaced) => (replaced, None),
