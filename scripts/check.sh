@@ -21,57 +21,54 @@ pairs=(
 say "format"
 cargo fmt --all --check
 
-# rustc checks a crate on one core, and optimizes a release build on one: what needs no feature of the tests is built beside
-# the lints of the sets, in a folder of its own.
+# rustc checks a crate on one core, and optimizes a release build on one: these run beside the tests, in a folder of their
+# own, where no build of a test has to wait for them, and at the lowest priority, because ranks of MPI that wait for each other
+# keep all cores busy.
 beside=${CARGO_TARGET_DIR:-$PWD/target}/beside
-build_beside() {
+lint_and_build() {
+    renice -n 19 -p "$BASHPID" >/dev/null
+    for features in "${sets[@]}"; do
+        say "lints and documentation: ${features:-no features}"
+        cargo clippy --quiet --all-targets --no-default-features --features "$features" -- -D warnings
+        RUSTDOCFLAGS="-D warnings" cargo doc --quiet --no-deps --no-default-features --features "$features"
+    done
     for features in "${pairs[@]}"; do
         say "lints: $features"
         cargo clippy --quiet --lib --bins --no-default-features --features "$features" -- -D warnings
     done
+    say "lints: packages that use the library"
+    cargo clippy --quiet --workspace --exclude biotissue --all-targets --features downstream/petsc,overhead/petsc,studies/petsc -- -D warnings
+    say "build: overhead of the abstraction"
     cargo build --quiet --release --package overhead --features petsc --bin overhead
+    say "all lints passed"
 }
-report=$(mktemp)
-(CARGO_TARGET_DIR=$beside build_beside) >"$report" 2>&1 &
-other=$!
-trap 'kill "$other" 2>/dev/null || true; rm -f "$report"' EXIT
-for features in "${sets[@]}"; do
-    say "lints and documentation: ${features:-no features}"
-    cargo clippy --quiet --all-targets --no-default-features --features "$features" -- -D warnings
-    RUSTDOCFLAGS="-D warnings" cargo doc --quiet --no-deps --no-default-features --features "$features"
-done
-say "lints: packages that use the library"
-cargo clippy --quiet --workspace --exclude biotissue --all-targets --features downstream/petsc,overhead/petsc,studies/petsc -- -D warnings
-outcome=0
-wait "$other" || outcome=$?
-cat "$report"
-[ "$outcome" -eq 0 ]
+(CARGO_TARGET_DIR=$beside lint_and_build) &
+lints=$!
+trap 'kill "$lints" 2>/dev/null || true' EXIT
 
-for features in "dense" "petsc"; do
-    say "tests: $features alone"
-    cargo test --quiet --no-default-features --features "$features" --lib --tests
-done
+say "tests: dense alone"
+cargo test --quiet --no-default-features --features dense --lib --tests
+say "tests: petsc alone, without the checks of debug builds"
+unchecked=(--config profile.dev.package.biotissue.debug-assertions=false --config profile.dev.package.biotissue.overflow-checks=false)
+cargo test --quiet "${unchecked[@]}" --no-default-features --features petsc --lib --tests
+say "tests: PETSc under valgrind"
+bash scripts/petsc-memcheck.sh "${unchecked[@]}"
+say "tests: C and Fortran, under valgrind"
+bash scripts/capi.sh
+say "tests: Python package"
+bash scripts/python.sh
 say "tests: packages that use the library, and examples"
 cargo test --quiet --package custom-law --package custom-material --package downstream --package micro-scaling --package reactions --features downstream/petsc
-# With the packages of both, cargo chooses the same features of all dependencies as for the Python package alone: one build
-# of the library serves the example and that package.
-cargo build --quiet --package biotissue --package biotissue-python --example deposition
+# The build of scripts/test.sh.
+cargo build --quiet --features batched,capi,cuda,hwloc,metis,petsc --example deposition --example many_matrices
 target/debug/examples/deposition
-cargo build --quiet --features petsc --example many_matrices
 for ranks in 1 2; do
     mpirun --oversubscribe -n "$ranks" target/debug/examples/many_matrices
 done
-
-say "tests: Python package"
-bash scripts/python.sh
-say "tests: C and Fortran, under valgrind"
-bash scripts/capi.sh
-say "tests: PETSc without the checks of debug builds, and under valgrind"
-cargo test --quiet --config profile.dev.package.biotissue.debug-assertions=false \
-    --config profile.dev.package.biotissue.overflow-checks=false --no-default-features --features petsc --test petsc
-bash scripts/petsc-memcheck.sh
 say "tests: MPI by MPICH"
 bash scripts/mpich.sh
+say "lints"
+wait "$lints"
 say "overhead of the abstraction, in instructions"
 CARGO_TARGET_DIR=$beside cargo run --quiet --release --package overhead --features petsc --bin overhead
 say "all checks passed"

@@ -13,8 +13,7 @@ if ! "$environment/bin/python3" -c 'import maturin, mypy, numpy, pytest, scipy' 
     "$environment/bin/pip" install --quiet --disable-pip-version-check 'maturin>=1.9.4,<2' mypy numpy pytest scipy
 fi
 
-# The profile `dev`, with the default features of the library: check.sh has built that library before, for an example. The
-# assertions of the library are on. (`pip install ./python` builds a release.)
+# The profile `dev`, in which the assertions of the library are on. (`pip install ./python` builds a release.)
 wheels="$PWD/target/wheels"
 rm -rf "$wheels"
 "$environment/bin/maturin" build --quiet --locked --manifest-path python/Cargo.toml --interpreter "$environment/bin/python3" \
