@@ -13,10 +13,12 @@ pub(super) struct NodalAverages<'a> {
 }
 
 impl<'a> NodalAverages<'a> {
-    /// Averages one value per element.
+    /// Averages one value per element; elements without a value (NaN) do not count.
     pub fn of(fields: &'a Fields, values: &[f64]) -> Self {
         let mut averages = Self { region: fields.cell_integer("region"), sums: HashMap::new() };
-        for ((element, nodes), value) in fields.elements.iter().enumerate().zip(values) {
+        for ((element, nodes), value) in
+            fields.elements.iter().enumerate().zip(values).filter(|(_, value)| !value.is_nan())
+        {
             let region = averages.region_of(element);
             for &node in nodes {
                 let (sum, count) = averages.sums.entry((node, region)).or_default();
@@ -53,5 +55,7 @@ mod tests {
             [1.0, 2.0, 2.0, 3.0, 7.0]
         );
         assert!(averages.at(9, 0).is_nan());
+        let averages = NodalAverages::of(&fields, &[1.0, f64::NAN, f64::NAN]);
+        assert!(averages.at(1, 1) == 1.0 && averages.at(4, 1).is_nan() && averages.at(1, 2).is_nan());
     }
 }

@@ -17,6 +17,9 @@ const SYMMETRIC: [&str; 2] = ["cauchy_stress", "green_lagrange_strain"];
 /// The vectors whose components are the principal values of a tensor.
 const PRINCIPAL: [&str; 2] = ["principal_stresses", "principal_stretches"];
 
+/// The numbers that describe fibers. The files have 0 in elements without fibers.
+const OF_FIBERS: [&str; 3] = ["fiber_alignment", "stretch_min", "stretch_max"];
+
 /// One value per element, with its name and unit.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Quantity {
@@ -28,7 +31,7 @@ pub(super) struct Quantity {
     pub(super) unit: &'static str,
     /// True for numbers of regions, networks and the like, which have no meaningful mean.
     pub(super) is_integer: bool,
-    /// The values of all elements.
+    /// The values of all elements; NaN in elements without a value, as that of fibers where there are none.
     pub(super) values: Vec<f64>,
 }
 
@@ -68,7 +71,7 @@ impl Quantity {
             return Some(Self::new(name, values.iter().map(|&value| value as f64).collect(), true));
         }
         let values = if let Some(values) = fields.cell_scalar(name) {
-            values.to_vec()
+            if OF_FIBERS.contains(&name) { of_fibers(fields, values) } else { values.to_vec() }
         } else if let Some(values) = fields.cell_vector(name) {
             values.iter().map(length).collect()
         } else if let Some(values) = component(fields, name) {
@@ -95,6 +98,13 @@ fn component(fields: &Fields, name: &str) -> Option<Vec<f64>> {
     }
     let &(_, place) = COMPONENTS.iter().find(|(name, _)| *name == part && SYMMETRIC.contains(&field))?;
     Some(fields.cell_tensor(field)?.iter().map(|tensor| tensor[place]).collect())
+}
+
+/// Returns numbers that describe fibers, with NaN in elements without fibers: no fiber has the stretch 0.
+fn of_fibers(fields: &Fields, values: &[f64]) -> Vec<f64> {
+    let Some(stretches) = fields.cell_scalar("stretch_max") else { return values.to_vec() };
+    let or_none = |(&value, &stretch): (&f64, &f64)| if stretch > 0.0 { value } else { f64::NAN };
+    values.iter().zip(stretches).map(or_none).collect()
 }
 
 fn length([x, y, z]: &[f64; 3]) -> f64 {
@@ -134,7 +144,7 @@ fn describe(name: &str) -> (String, &'static str) {
         "stretch_min" => ("smallest fiber stretch", ""),
         "stretch_max" => ("largest fiber stretch", ""),
         "volume_ratio" => ("volume ratio J", ""),
-        "rve_iterations" => ("RVE iterations", ""),
+        "rve_iterations" => ("RVE iterations, sum over the step", ""),
         "rve_status" => ("RVE status (0 awake, 1 asleep, 2 not created, 3 deleted)", ""),
         other => {
             let readable = other
@@ -175,5 +185,24 @@ mod tests {
         let stress = all.iter().find(|quantity| quantity.name == "cauchy_stress_xx").unwrap();
         assert_eq!((stress.label.as_str(), stress.unit, stress.is_integer), ("Cauchy stress xx", "Pa", false));
         assert!(all.last().unwrap().is_integer && Quantity::named(&fields, "cauchy_stress_1").is_none());
+    }
+
+    #[test]
+    fn elements_without_fibers_have_no_stretch() {
+        let fields = Fields {
+            elements: vec![[0, 1, 2, 3]; 3].into(),
+            cell_scalars: vec![
+                ("energy_density".into(), vec![0.0, 1.0, 2.0]),
+                ("fiber_alignment".into(), vec![0.0, 0.0, 0.2]),
+                ("stretch_max".into(), vec![0.0, 1.0, 1.4]),
+            ],
+            ..Fields::default()
+        };
+        let values = |name: &str| Quantity::named(&fields, name).unwrap().values;
+        assert_eq!(values("energy_density"), [0.0, 1.0, 2.0]);
+        for (name, expected) in [("fiber_alignment", [0.0, 0.2]), ("stretch_max", [1.0, 1.4])] {
+            let values = values(name);
+            assert!(values[0].is_nan() && values[1..] == expected, "{name}: {values:?}");
+        }
     }
 }

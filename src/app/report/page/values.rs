@@ -36,21 +36,23 @@ pub(super) fn table(run: &Run) -> String {
         let is_counted = !quantity.is_integer || quantity.name == "rve_iterations";
         let values: Vec<f64> = quantity.values.iter().copied().filter(|&x| !quantity.is_integer || x >= 0.0).collect();
         if let Some(Statistics(numbers)) = Statistics::of(&values).filter(|_| is_counted) {
-            of_quantities.push((quantity.label, quantity.unit, numbers));
+            let (count, all) = (values.iter().filter(|value| value.is_finite()).count(), fields.elements.len());
+            let of_part = if count < all { format!(" ({count} of {all} elements)") } else { String::new() };
+            of_quantities.push((quantity.label, of_part, quantity.unit, numbers));
         }
     }
     // All quantities of one unit get the same prefix.
     let scale_of = |unit: &str| {
-        let numbers = of_quantities.iter().filter(|(_, other, _)| *other == unit).flat_map(|(_, _, numbers)| numbers);
+        let numbers = of_quantities.iter().filter(|(_, _, other, _)| *other == unit).flat_map(|(.., numbers)| numbers);
         let largest = numbers.map(|number| number.abs()).fold(0.0, f64::max);
         if unit.is_empty() { (1.0, "") } else { prefix(largest) }
     };
     let mut rows = String::new();
-    for (label, unit, numbers) in &of_quantities {
+    for (label, of_part, unit, numbers) in &of_quantities {
         let (power, prefix) = scale_of(unit);
         let label = if unit.is_empty() { label.clone() } else { format!("{label} in {prefix}{unit}") };
         let cells = numbers.map(|number| significant(number / power)).join("</td><td>");
-        let _ = writeln!(rows, "<tr><td class=\"text\">{}</td><td>{cells}</td></tr>", escape(&label));
+        let _ = writeln!(rows, "<tr><td class=\"text\">{}</td><td>{cells}</td></tr>", escape(&(label + of_part)));
     }
     if rows.is_empty() {
         return String::new();

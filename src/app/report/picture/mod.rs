@@ -114,9 +114,14 @@ impl Colors {
         self.at(self.quantity.values.get(element).copied().unwrap_or(f64::NAN))
     }
 
-    /// Returns the color of a value.
+    /// Returns the color of a value; gray if there is none.
     fn at(&self, value: f64) -> [u8; 3] {
+        /// The gray of the page's view of the body.
+        const MISSING: [u8; 3] = [158, 168, 179];
         let (low, high) = self.range;
+        if value.is_nan() {
+            return MISSING;
+        }
         match self.map {
             Map::Faces => color::viridis((value - low) / (high - low)),
             Map::Lines => color::viridis(0.87 * (value - low) / (high - low)),
