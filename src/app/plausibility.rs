@@ -6,6 +6,7 @@
 //! edge divided by the same stiffness. These are orders of magnitude, sufficient to find a modulus in MPa or a mesh in mm, and not used
 //! otherwise.
 
+mod fibers;
 mod floppy;
 mod load_size;
 mod loads;
@@ -16,6 +17,7 @@ use crate::app::case::{Case, Formula, RegionMaterial, RigidCase, RveScale, Stres
 use crate::fem::mesh::Mesh;
 use crate::las::RealBackend;
 use crate::tissue::micro_scale::Library;
+use fibers::check_fibers;
 pub(super) use floppy::floppy_networks;
 pub use floppy::{Examination, FloppyNetworks};
 pub use load_size::{LoadOf, LoadSize};
@@ -26,7 +28,10 @@ use shapes::check_shapes;
 /// Strain above which a load is implausible for tissue.
 const LARGEST_STRAIN: f64 = 3.0;
 /// If every load of a case causes less strain than this, one of its units is probably wrong.
-const SMALLEST_STRAIN: f64 = 1e-9;
+const SMALLEST_STRAIN: f64 = 1e-6;
+/// The ratio of the sum of the fibers' moduli to Young's modulus of an isotropic network that deforms affinely, which has
+/// both Lame constants equal to a fifteenth of this sum.
+const AFFINE: f64 = 6.0;
 /// Above this ratio, the softer of two materials, in different regions or in parallel, contributes nothing.
 const LARGEST_RATIO: f64 = 1e6;
 /// Range of the stiffness of a tissue, Pa, outside of which a unit is probably wrong.
@@ -43,12 +48,22 @@ struct Stiffness {
     region: usize,
     /// Young's modulus of the softest and of the stiffest formula, or matrix.
     formula: Option<[f64; 2]>,
-    /// `kappa sum E A L` of the softest and of the stiffest network: the stiffness if all fibers were parallel to the
-    /// load.
+    /// `kappa sum E A L / 6` of the softest and of the stiffest network: Young's modulus of an isotropic network whose nodes
+    /// move with the body, which is an upper bound for isotropic networks of straight fibers.
     fibers: Option<[f64; 2]>,
 }
 
 impl Stiffness {
+    /// Returns the stiffness of a region of the case.
+    fn of_region<B: RealBackend>(library: &Library<B>, region: usize) -> Self {
+        let formulas = library.formulas_of_region(region).iter().map(|formula| youngs_modulus(formula));
+        let networks = library.models_of_region(region).iter().map(|&model| {
+            let model = &library.models()[model];
+            model.scale() * model.truss().volume_of_moduli() / AFFINE
+        });
+        Self { region, formula: range(formulas), fibers: range(networks) }
+    }
+
     /// The stiffness that resists a load: RVE and matrix in parallel.
     fn total(&self) -> f64 {
         let softest = |range: Option<[f64; 2]>| range.map_or(0.0, |[softest, _]| softest);
@@ -69,28 +84,18 @@ pub(super) fn check<B: RealBackend>(case: &Case, mesh: &Mesh, library: &Library<
     let mut regions: Vec<usize> = mesh.regions().iter().filter_map(|name| case.region_of(name)).collect();
     regions.sort_unstable();
     regions.dedup();
-    let stiffnesses: Vec<Stiffness> = regions
-        .into_iter()
-        .map(|region| {
-            let moduli = library.formulas_of_region(region).iter().map(|formula| youngs_modulus(formula));
-            let formula = moduli.fold(None, |range: Option<[f64; 2]>, modulus| {
-                Some(range.map_or([modulus; 2], |[min, max]| [min.min(modulus), max.max(modulus)]))
-            });
-            let networks = library.models_of_region(region).iter().map(|&model| {
-                let model = &library.models()[model];
-                model.scale() * model.truss().volume_of_moduli()
-            });
-            let fibers = networks.fold(None, |range: Option<[f64; 2]>, stiffness| {
-                Some(range.map_or([stiffness; 2], |[min, max]| [min.min(stiffness), max.max(stiffness)]))
-            });
-            Stiffness { region, formula, fibers }
-        })
-        .collect();
+    let stiffnesses: Vec<Stiffness> = regions.into_iter().map(|region| Stiffness::of_region(library, region)).collect();
     let Plausibility { mut warnings, loads } = check_magnitudes(case, mesh, &stiffnesses);
+    warnings.extend(check_fibers(case, library));
     warnings.extend(check_shapes(case, mesh));
     let ratios = (0..case.regions.len()).map(|region| greatest_poisson_ratio(library.formulas_of_region(region)));
     warnings.extend(check_locking(case, mesh, &ratios.collect::<Vec<_>>()));
     Plausibility { warnings, loads }
+}
+
+/// Returns the least and the greatest of these numbers; `None` without any.
+fn range(numbers: impl Iterator<Item = f64>) -> Option<[f64; 2]> {
+    numbers.map(|number| [number; 2]).reduce(|[min, max], [number, _]| [min.min(number), max.max(number)])
 }
 
 fn youngs_modulus(formula: &Formula) -> f64 {
@@ -272,7 +277,7 @@ displacement = { x = 0.1 }
     #[test]
     fn consistent_units_give_no_warning() {
         assert_eq!(warnings_of(CASE, 1.0, None), [""; 0]);
-        for load in ["traction = [4e2, 0, 0]", "traction = [0, -1e-3, 0]", "displacement = { x = 0.0 }"] {
+        for load in ["traction = [4e2, 0, 0]", "traction = [0, -1e-2, 0]", "displacement = { x = 0.0 }"] {
             assert_eq!(warnings_of(&CASE.replace(PULLED, load), 1.0, None), [""; 0], "{load}");
         }
         // A load may be small if another one is not.
@@ -321,8 +326,9 @@ displacement = { x = 0.1 }
         let expected = "12: the body force is 1.0e7 N/m^3 over 0.5 m, 2000 times the stiffness of the region \"*\", about 2500 \
                              Pa: are both in Pa?";
         assert_eq!(warnings_of(&force, 0.5, None), [expected]);
-        let small = CASE.replace(PULLED, "traction = [2.5e-9, 0, 0]");
-        let expected = " the loads strain the body by at most about 1.0e-12: are displacements in m, forces and moduli \
+        // 5 kPa in MPa.
+        let small = CASE.replace(PULLED, "traction = [2.5e-4, 0, 0]");
+        let expected = " the loads strain the body by at most about 1.0e-7: are displacements in m, forces and moduli \
                              in Pa, and is the `scale` of [mesh] right?";
         assert_eq!(warnings_of(&small, 1.0, None), [expected]);
     }

@@ -153,7 +153,7 @@ fn check_prints_the_plan_and_writes_nothing() {
 }
 
 #[test]
-fn check_warns_of_floppy_networks_without_a_matrix() {
+fn check_warns_of_floppy_networks_without_a_matrix_or_with_a_soft_one() {
     let folder = tempfile::tempdir().unwrap();
     write_floppy_network(folder.path());
     write_case(folder.path(), "case.toml", &fibers("chain.txt"));
@@ -163,9 +163,21 @@ fn check_warns_of_floppy_networks_without_a_matrix() {
                    them either: chain.txt; ";
     assert!(checked.stderr.starts_with(warning), "{}", checked.stderr);
     assert_eq!(checked.stderr.matches("warning: ").count(), 1, "{}", checked.stderr);
-    let law = "law = {";
-    let matrix = "matrix = { model = \"neo-hookean\", shear_modulus = 1000.0, poisson_ratio = 0.3 }\nlaw = {";
-    write_case(folder.path(), "case.toml", &fibers("chain.txt").replace(law, matrix));
+    let with_matrix = |shear_modulus: f64| {
+        let matrix = format!(
+            "matrix = {{ model = \"neo-hookean\", shear_modulus = {shear_modulus:?}, poisson_ratio = 0.3 }}\nlaw"
+        );
+        write_case(folder.path(), "case.toml", &fibers("chain.txt").replace("law", &matrix));
+    };
+    with_matrix(1e3);
+    let soft = line(folder.path(), "check case.toml");
+    let warning = "1 of 1 networks has motions that no fiber resists, and the matrix, about 2600 Pa, is too soft beside the fibers, \
+                   about 5.0e4 Pa, to resist them: chain.txt; ";
+    assert!(soft.stderr.contains(warning), "{}", soft.stderr);
+    let measured = line(folder.path(), "check case.toml --measure --json").object();
+    assert!(measured["measured"]["forecast"].is_null(), "{measured}");
+    assert!(line(folder.path(), "check case.toml --measure").done().contains("\nforecast   none: "));
+    with_matrix(1e4);
     assert_eq!(line(folder.path(), "check case.toml").stderr, "");
     // A rigid network needs none.
     write_case(folder.path(), "case.toml", &fibers(&frozen()));
@@ -203,7 +215,7 @@ fn a_body_without_supports_is_an_input_error() {
     let failed = run(folder.path(), &format!("{body}{steps}"), "");
     let block = failed.failed(2);
     assert!(block.contains("the body is free to move in every direction and to rotate about every axis"), "{block}");
-    assert!(block.contains("prescribe displacements"), "{block}");
+    assert!(block.contains("prescribe displacements") && block.contains("`BooleanFragments`"), "{block}");
     assert!(!folder.path().join("results").exists());
 }
 

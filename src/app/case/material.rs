@@ -67,6 +67,17 @@ pub(super) fn regions(root: &mut Table<'_>, base: &Path) -> Vec<RegionCase> {
             names.entry(name).or_insert(line);
         }
         let f_bar = table.boolean("f_bar").unwrap_or(false);
+        if table.has("model")
+            && let Some(model) = table.get("model")
+        {
+            // One error for all keys of the material.
+            model.report_error(
+                "is a key of the material, but stands directly below [[region]]",
+                "`name`, `f_bar` and `material`, a table, below [[region]]",
+                "write the header [region.material] above the keys of the material",
+            );
+            continue;
+        }
         let material = table.required_table("material", "a table with its `model`");
         let material = material.and_then(|material| read(material, base));
         regions.extend(name.zip(material).map(|(name, material)| RegionCase {

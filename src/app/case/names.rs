@@ -103,6 +103,11 @@ impl Case {
                  Physical Surface(\"NAME\") = {1, ...};), mesh it again, and save it"
                     .into()
             }
+            None if self.has_ending("msh") => {
+                "choose one of these, or name it in the mesh as a physical group; Gmsh leaves out \
+                                               groups without elements"
+                    .into()
+            }
             None => "choose one of these, or name it in the mesh as a physical group".into(),
         };
         let what = format!("the mesh{} has no {kind} \"{}\"", self.mesh_file(), excerpt(name));

@@ -21,8 +21,8 @@ pub struct LoadSize {
     pub unit: &'static str,
     /// The region of the case with the softest material on which it acts.
     pub softest_region: String,
-    /// Young's modulus of this material at rest, Pa; of an RVE, that of its matrix and, as if all fibers were parallel
-    /// to the load, that of its fibers.
+    /// Young's modulus of this material at rest, Pa; of an RVE, that of its matrix and of its network, as if that
+    /// were isotropic and moved with the body.
     pub stiffness: f64,
     /// The ratio of the load to the stiffness; a body force is multiplied by the longest edge of the body.
     pub ratio: f64,

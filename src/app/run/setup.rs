@@ -255,8 +255,8 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
         &self.load_sizes
     }
 
-    /// Finds the networks of regions without a matrix that have motions which no fiber resists: such equilibria take
-    /// long to find. Factors a matrix for each network that is not too large, on the backend of the RVEs.
+    /// Finds the networks of regions without a matrix, or with a soft one, that have motions which no fiber resists: such
+    /// equilibria take long to find. Factors a matrix for each network that is not too large, on the backend of the RVEs.
     pub fn floppy_networks(&self, examination: Examination) -> FloppyNetworks {
         plausibility::floppy_networks(&self.case, self.field.library(), examination)
     }

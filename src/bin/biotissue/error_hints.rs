@@ -78,15 +78,13 @@ pub fn cure_of_step<F: std::error::Error + 'static>(reason: &StepFailure<TissueF
 
 /// Returns the cure if RVEs leave their branches of equilibria.
 fn cure_of_branches(case: &Case) -> String {
-    let is_bare = |region: &RegionCase| match &region.material {
-        RegionMaterial::Formula(_) => false,
-        RegionMaterial::FiberRve(rve) => rve.matrix.is_none(),
-    };
+    let has_networks = |region: &RegionCase| matches!(region.material, RegionMaterial::FiberRve(_));
     let cure = "use more load steps (`count` in [steps]), or raise `max_cuts` and continue with --resume";
-    if case.regions.iter().any(is_bare) {
+    if case.regions.iter().any(has_networks) {
         return format!(
-            "networks without a matrix that have motions which no fiber resists are a likely cause (`biotissue check` names \
-             them): give the material a `matrix`, or use other networks; otherwise {cure}"
+            "networks that have motions which no fiber resists, without a matrix or beside one that is softer than the fibers, \
+             are a likely cause (`biotissue check` names them): give the material a `matrix`, or a stiffer one, or use networks \
+             with more fibers per node; otherwise {cure}"
         );
     }
     cure.into()
@@ -265,7 +263,8 @@ fn cure_of_setup<F: std::error::Error + 'static>(
                  that is named by a component of `rigid`, a [[boundary]] or a [[point]]"
             } else {
                 "prescribe displacements on more surfaces or components ([[point]]: of single nodes); if the loads balance, \
-                 `free = \"rigid\"` in [body] adds the supports"
+                 `free = \"rigid\"` in [body] adds the supports; parts that touch are connected only if they share nodes (Gmsh: \
+                 `BooleanFragments`, or `Coherence`, before meshing)"
             },
         ),
         SetupError::Geometry(_) => {

@@ -29,7 +29,7 @@ fn all_wrong_names_are_reported_with_the_nearest() {
     let no_right = format!(
         "the mesh {mesh} has no surface \"right\"
   expected: a surface of the mesh: \"lefft\" or \"x1\"
-  cure: choose one of these, or name it in the mesh as a physical group"
+  cure: choose one of these, or name it in the mesh as a physical group; Gmsh leaves out groups without elements"
     );
     let expected = format!(
         "pull.toml:7: the mesh {mesh} has no region \"gauge\"

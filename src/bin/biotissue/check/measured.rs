@@ -11,7 +11,9 @@ const MOST_NETWORKS: usize = 12;
 pub struct Measured {
     #[serde(flatten)]
     pub measurement: Measurement,
-    pub forecast: Forecast,
+    /// `None` if networks of the case have motions that no fiber resists: the times at rest then say nothing about those
+    /// under load.
+    pub forecast: Option<Forecast>,
 }
 
 impl Measured {
@@ -34,6 +36,14 @@ impl Measured {
         if !measurement.converged {
             lines.push("           the first load step did not converge with linear networks".into());
         }
+        let Some(forecast) = forecast else {
+            lines.push(
+                "forecast   none: the networks of the warning have motions that no fiber resists; under load, their RVEs may take a \
+                 thousand times as long as here"
+                    .into(),
+            );
+            return lines;
+        };
         let evaluations = plural(measurement.evaluations, "evaluation");
         let (step, run) = (duration(forecast.step_seconds), duration(steps as f64 * forecast.step_seconds));
         lines.push(format!("forecast   {step} per step and {run} for the run in this process, without ranks"));
@@ -42,7 +52,7 @@ impl Measured {
         ));
         lines.extend(forecast.splits.iter().map(|split| format!("           {}", line(split))));
         lines.extend(forecast.of_case.iter().map(|split| format!("this case  {}", line(split))));
-        lines.extend(self.proposal());
+        lines.push(proposal(forecast));
         lines
     }
 
@@ -67,21 +77,19 @@ impl Measured {
         }
         lines
     }
+}
 
-    fn proposal(&self) -> Vec<String> {
-        let Some(RankSplit { macro_ranks, micro_ranks, .. }) = self.forecast.proposal else {
-            return vec!["proposal   no ranks: there are no RVEs to divide among them".into()];
-        };
-        vec![
-            format!(
-                "proposal   scales = {{ macro = {macro_ranks}, micro = {micro_ranks} }}, with a core for each rank; more than {} \
-                 cores are not worth it",
-                macro_ranks + micro_ranks
-            ),
-            "           On one machine, use threads without ranks; on several, one micro rank on each, with a thread per core."
-                .into(),
-        ]
-    }
+/// Describes the proposed numbers of ranks.
+fn proposal(forecast: &Forecast) -> String {
+    let Some(RankSplit { macro_ranks, micro_ranks, .. }) = forecast.proposal else {
+        return "proposal   no ranks: there are no RVEs to divide among them".into();
+    };
+    format!(
+        "proposal   scales = {{ macro = {macro_ranks}, micro = {micro_ranks} }}, with a core for each rank; more than {} cores are \
+         not worth it\n           On one machine, use threads without ranks; on several, one micro rank on each, with a thread per \
+         core.",
+        macro_ranks + micro_ranks
+    )
 }
 
 /// Describes a split.

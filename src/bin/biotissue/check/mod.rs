@@ -83,7 +83,7 @@ struct Plan {
     /// In one process, bytes.
     memory: MemoryForecast,
     networks: Vec<NetworkSize>,
-    /// The networks of regions without a matrix that have motions which no fiber resists.
+    /// The networks of regions without a matrix, or with a soft one, that have motions which no fiber resists.
     floppy_networks: Vec<String>,
     fields: Vec<FieldRange>,
     surfaces: Vec<String>,
@@ -164,7 +164,8 @@ impl Job for CheckJob {
         if self.measure {
             let hints = CaseHints::of(setup.case());
             let measurement = setup.measure().map_err(|error| not_set_up(&hints, error))?;
-            let forecast = Forecast::new(&measurement, B::DISTRIBUTES, self.ranks);
+            let is_known = plan.floppy_networks.is_empty();
+            let forecast = is_known.then(|| Forecast::new(&measurement, B::DISTRIBUTES, self.ranks));
             plan.measured = Some(Measured { measurement, forecast });
         }
         Ok(plan)
