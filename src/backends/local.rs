@@ -141,6 +141,24 @@ pub(super) fn axpy<T: Value>(a: T, x: &[T], y: &mut [T]) {
     }
 }
 
+/// Computes `y = a x + b y`; if `b` is zero, `y` is overwritten even if it is not finite.
+#[inline]
+pub(crate) fn axpby<T: num_traits::Num + Copy>(a: T, x: &[T], b: T, y: &mut [T]) {
+    debug_assert_eq!(x.len(), y.len(), "vectors of one length");
+    for (y, &x) in y.iter_mut().zip(x) {
+        *y = if b.is_zero() { a * x } else { b * *y + a * x };
+    }
+}
+
+/// Computes `y[i] = d[i] x[i]`.
+#[inline]
+pub(crate) fn multiply<T: num_traits::Num + Copy>(d: &[T], x: &[T], y: &mut [T]) {
+    debug_assert!(x.len() == y.len() && d.len() == y.len(), "vectors of one length");
+    for ((y, &x), &d) in y.iter_mut().zip(x).zip(d) {
+        *y = x * d;
+    }
+}
+
 /// Returns true if every value is finite; it has no branch per value and so runs at memory bandwidth.
 #[inline]
 pub(super) fn all_finite<T: Scalar>(values: &[T]) -> bool {
@@ -203,6 +221,7 @@ macro_rules! impl_vector_ops {
     (
         [$($generics:tt)*] $backend:ty, $vector:ty, $value:ty, $reduced:ty,
         norm: $norm:path, dot: $dot:path, axpy: $add_multiple:path
+        $(, axpby: $combine:path, multiply: $multiply:path)?
     ) => {
         $crate::backends::local::impl_vector_ops!(
             [$($generics)*] $backend, $vector, $value, $reduced, ::std::convert::Infallible,
@@ -212,6 +231,7 @@ macro_rules! impl_vector_ops {
                 $add_multiple(a, x.as_slice(), y.as_mut_slice());
                 Ok(())
             }
+            $(, axpby: $combine, multiply: $multiply)?
         );
     };
     (
@@ -219,6 +239,7 @@ macro_rules! impl_vector_ops {
         norm($norm_x:ident): $norm:expr,
         dot($dot_x:ident, $dot_y:ident): $dot:expr,
         axpy($axpy_a:ident, $axpy_x:ident, $axpy_y:ident): $axpy:expr
+        $(, axpby: $combine:path, multiply: $multiply:path)?
     ) => {
         impl<$($generics)*> $crate::las::VectorOps<$backend> for $vector {
             #[inline(always)]
@@ -267,6 +288,20 @@ macro_rules! impl_vector_ops {
                 let $axpy_y = self;
                 $axpy
             }
+
+            $(
+                #[inline]
+                fn axpby(&mut self, a: $value, x: &Self, b: $value) -> Result<(), $error> {
+                    $combine(a, x.as_slice(), b, self.as_mut_slice());
+                    Ok(())
+                }
+
+                #[inline]
+                fn multiply(&mut self, d: &Self, x: &Self) -> Result<(), $error> {
+                    $multiply(d.as_slice(), x.as_slice(), self.as_mut_slice());
+                    Ok(())
+                }
+            )?
 
             #[inline(always)]
             fn with_local<R>(&self, read: impl FnOnce(&[$value]) -> R) -> Result<R, $error> {

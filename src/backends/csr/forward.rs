@@ -2,12 +2,14 @@
 //! share.
 
 /// Implements the vector and matrix operations of assembly, products, sums, diagonals and the traversal of all entries;
-/// `norm`, `dot` and `axpy` are functions of slices.
+/// `norm`, `dot`, `axpy` and, if given, `axpby` and `multiply` are functions of slices.
 macro_rules! impl_backend_ops {
-    ([$($generics:tt)*] $backend:ty, $value:ty, $reduced:ty, norm: $norm:path, dot: $dot:path, axpy: $axpy:path) => {
+    ([$($generics:tt)*] $backend:ty, $value:ty, $reduced:ty, norm: $norm:path, dot: $dot:path, axpy: $axpy:path
+        $(, axpby: $axpby:path, multiply: $multiply:path)?
+    ) => {
         $crate::backends::local::impl_vector_ops!(
             [$($generics)*] $backend, $crate::backends::csr::Vector<$value>, $value, $reduced,
-            norm: $norm, dot: $dot, axpy: $axpy
+            norm: $norm, dot: $dot, axpy: $axpy $(, axpby: $axpby, multiply: $multiply)?
         );
 
         const _: () = {

@@ -1,4 +1,4 @@
-//! Norms, dot products and sums of vectors: short ones are inlined loops, long ones run on all threads.
+//! Norms, dot products, sums and entrywise products of vectors: short ones are inlined loops, long ones run on all threads.
 //!
 //! Long vectors are summed in chunks of a fixed size, whose sums are added in order: the result does not depend on the
 //! number of threads.
@@ -35,6 +35,26 @@ pub(super) fn axpy<T: Scalar>(a: T, x: &[T], y: &mut [T]) {
     }
 }
 
+/// Computes `y = a x + b y`; if `b` is zero, `y` is overwritten even if it is not finite.
+#[inline]
+pub(super) fn axpby<T: Scalar>(a: T, x: &[T], b: T, y: &mut [T]) {
+    if x.len() < LONG {
+        local::axpby(a, x, b, y);
+    } else {
+        long_axpby(a, x, b, y);
+    }
+}
+
+/// Computes `y[i] = d[i] x[i]`.
+#[inline]
+pub(super) fn multiply<T: Scalar>(d: &[T], x: &[T], y: &mut [T]) {
+    if x.len() < LONG {
+        local::multiply(d, x, y);
+    } else {
+        long_multiply(d, x, y);
+    }
+}
+
 #[cold]
 #[inline(never)]
 fn long_dot<T: Scalar>(x: &[T], y: &[T]) -> T {
@@ -54,6 +74,21 @@ fn long_norm<T: Scalar>(x: &[T]) -> T {
 fn long_axpy<T: Scalar>(a: T, x: &[T], y: &mut [T]) {
     debug_assert_eq!(x.len(), y.len(), "vectors of one length");
     parallel::map(x.chunks(CHUNK).zip(y.chunks_mut(CHUNK)), |(x, y)| local::axpy(a, x, y));
+}
+
+#[cold]
+#[inline(never)]
+fn long_axpby<T: Scalar>(a: T, x: &[T], b: T, y: &mut [T]) {
+    debug_assert_eq!(x.len(), y.len(), "vectors of one length");
+    parallel::map(x.chunks(CHUNK).zip(y.chunks_mut(CHUNK)), |(x, y)| local::axpby(a, x, b, y));
+}
+
+#[cold]
+#[inline(never)]
+fn long_multiply<T: Scalar>(d: &[T], x: &[T], y: &mut [T]) {
+    debug_assert!(x.len() == y.len() && d.len() == y.len(), "vectors of one length");
+    let factors = d.chunks(CHUNK).zip(x.chunks(CHUNK));
+    parallel::map(factors.zip(y.chunks_mut(CHUNK)), |((d, x), y)| local::multiply(d, x, y));
 }
 
 #[cfg(test)]
@@ -80,16 +115,25 @@ mod tests {
                 let reduced: [f64; 3] =
                     [VectorOps::<Sparse>::dot(&x, &y), VectorOps::<Sparse>::norm(&x), VectorOps::<Sparse>::norm(&sum)]
                         .map(Result::unwrap);
-                (reduced.map(f64::to_bits), sum)
+                let (mut combined, mut product) = (y.clone(), y.clone());
+                VectorOps::<Sparse>::axpby(&mut combined, 0.3, &x, -0.7).unwrap();
+                VectorOps::<Sparse>::multiply(&mut product, &x, &y).unwrap();
+                let mut overwritten: Vector = vec![f64::NAN; len].into();
+                VectorOps::<Sparse>::axpby(&mut overwritten, 0.3, &x, 0.0).unwrap();
+                (reduced.map(f64::to_bits), [sum, combined, product, overwritten])
             });
             assert!(results[0] == results[1] && results[0] == results[2], "{len} entries");
-            let ([dot, norm, _], sum) = &results[0];
+            let ([dot, norm, _], [sum, combined, product, overwritten]) = &results[0];
             let (x, y) = (x.as_slice(), y.as_slice());
             let plain: f64 = x.iter().zip(y).map(|(x, y)| x * y).sum();
             assert!((f64::from_bits(*dot) - plain).abs() < 1e-10, "{len} entries: {plain}");
             let squares: f64 = x.iter().map(|x| x * x).sum();
             assert!((f64::from_bits(*norm) - squares.sqrt()).abs() < 1e-10);
-            assert!(sum.as_slice().iter().zip(x.iter().zip(y)).all(|(sum, (x, y))| *sum == y + 0.3 * x));
+            let is = |of: &Vector, entry: fn(f64, f64) -> f64| {
+                of.as_slice().iter().zip(x.iter().zip(y)).all(|(of, (x, y))| *of == entry(*x, *y))
+            };
+            assert!(is(sum, |x, y| y + 0.3 * x) && is(combined, |x, y| -0.7 * y + 0.3 * x));
+            assert!(is(product, |x, y| y * x) && is(overwritten, |x, _| 0.3 * x));
         }
     }
 

@@ -10,9 +10,9 @@
 //! repository compares times.
 //!
 //! Large systems use all threads of the current rayon pool: products of a matrix and a vector, norms, dot products and
-//! sums of vectors, [`MatrixOps::add_blocks`](crate::las::MatrixOps::add_blocks), and the numeric factorizations of
-//! faer. Results have the same bits for any number of threads. Solves with factors use one thread: in faer, several
-//! threads would change the order of their sums.
+//! sums of vectors, [`MatrixOps::add_blocks`](crate::las::MatrixOps::add_blocks), and the numeric Cholesky and LU factorizations of
+//! faer. Results have the same bits for any number of threads. LDL^T factorizations and solves with factors use one thread; in
+//! faer, several threads would change the order of the sums of a solve.
 //!
 //! ```
 //! use std::sync::Arc;
@@ -62,7 +62,10 @@ type Failure = SolveError<Infallible>;
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Sparse<T = f64>(PhantomData<fn() -> T>);
 
-impl_backend_ops!([T: SparseScalar] Sparse<T>, T, T, norm: long::norm, dot: long::dot, axpy: long::axpy);
+impl_backend_ops!(
+    [T: SparseScalar] Sparse<T>, T, T,
+    norm: long::norm, dot: long::dot, axpy: long::axpy, axpby: long::axpby, multiply: long::multiply
+);
 
 impl<T: SparseScalar> Backend for Sparse<T> {
     const NAME: &'static str = "sparse";

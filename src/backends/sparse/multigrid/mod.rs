@@ -15,7 +15,8 @@
 //! The levels compute in single precision by default, which halves the time of memory-bound loops; the Krylov method
 //! around them computes in double precision, and its tolerance holds.
 //!
-//! All loops run on the threads of rayon's current pool. Results do not depend on their number.
+//! Smoothing, products with matrices and the Galerkin products run on the threads of rayon's current pool; aggregation and the
+//! coarsest solution on one. Results do not depend on the number of threads.
 //!
 //! # Use
 //! As the preconditioner of a solver, [`Preconditioner::Multigrid`](crate::las::Preconditioner::Multigrid) selects it.
