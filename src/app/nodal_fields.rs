@@ -1,12 +1,14 @@
 //! Averages at the nodes of the fields of the elements, on request.
 
+use super::case::OF_FIBERS;
 use super::results::FieldSet;
 use crate::tissue::micro_scale::TissueFieldError;
 
 /// What the name of an average begins with; the name of the field of the elements follows.
 const PREFIX: &str = "nodal_";
 
-/// The mean of fields over the elements around each node, of all regions, as one table.
+/// The mean of fields over the elements around each node, of all regions, as one table. Elements without fibers do not count
+/// in the means of fields of fibers.
 ///
 /// The mean at a node is summed in the order of the elements, so that it depends on nothing but their values.
 #[derive(Debug, Default, PartialEq)]
@@ -22,6 +24,16 @@ struct Column<'a> {
     /// Numbers per element.
     size: usize,
     values: &'a [f64],
+    of_fibers: bool,
+}
+
+impl Column<'_> {
+    /// Returns the numbers of an element; `None` if they describe fibers, and the element has none: its numbers are 0 then.
+    fn of_element(&self, element: usize) -> Option<&[f64]> {
+        let values = &self.values[self.size * element..][..self.size];
+        let has_value = !self.of_fibers || values.iter().any(|&value| value != 0.0);
+        has_value.then_some(values)
+    }
 }
 
 impl NodalFields {
@@ -75,23 +87,31 @@ fn columns<'a>(fields: &FieldSet<'a>, names: &[&'static str]) -> Vec<Column<'a>>
     let tensors = fields.cell_tensors.iter().map(|&(name, values)| (name, 9, values.as_flattened()));
     let selected = |field: &str| names.iter().copied().find(|name| name.strip_prefix(PREFIX) == Some(field));
     let all = scalars.chain(vectors).chain(tensors);
-    all.filter_map(|(field, size, values)| Some(Column { name: selected(field)?, size, values })).collect()
+    all.filter_map(|(field, size, values)| {
+        Some(Column { name: selected(field)?, size, values, of_fibers: OF_FIBERS.contains(&field) })
+    })
+    .collect()
 }
 
-/// Returns the means at all nodes, `width` numbers for each; 0 at a node without elements.
+/// Returns the means at all nodes, `width` numbers for each; 0 at a node none of whose elements has a value.
 fn means(fields: &FieldSet<'_>, columns: &[Column<'_>], width: usize) -> Vec<f64> {
     let mut table = vec![0.0; width * fields.points.len()];
     let mut counts = vec![0.0_f64; fields.points.len()];
-    for (element, nodes) in fields.elements.iter().enumerate() {
-        for &node in nodes {
-            let node = node as usize;
-            counts[node] += 1.0;
-            let of_element = columns.iter().flat_map(|column| &column.values[column.size * element..][..column.size]);
-            table[width * node..].iter_mut().zip(of_element).for_each(|(sum, value)| *sum += value);
+    let mut first = 0;
+    for column in columns {
+        counts.fill(0.0);
+        for (element, nodes) in fields.elements.iter().enumerate() {
+            let Some(values) = column.of_element(element) else { continue };
+            for &node in nodes {
+                let node = node as usize;
+                counts[node] += 1.0;
+                table[width * node + first..].iter_mut().zip(values).for_each(|(sum, value)| *sum += value);
+            }
         }
-    }
-    for (row, count) in table.chunks_exact_mut(width).zip(&counts) {
-        row.iter_mut().for_each(|sum| *sum /= count.max(1.0));
+        for (row, count) in table.chunks_exact_mut(width).zip(&counts) {
+            row[first..first + column.size].iter_mut().for_each(|sum| *sum /= count.max(1.0));
+        }
+        first += column.size;
     }
     table
 }
@@ -107,19 +127,23 @@ mod tests {
         let fields = FieldSet {
             points: &[[0.0; 3]; 6],
             elements: &elements,
-            cell_scalars: vec![("energy_density", &energy), ("stretch_min", &energy)],
+            cell_scalars: vec![("energy_density", &energy), ("stretch_min", &energy), ("stretch_max", &[0.0, 1.5])],
             cell_tensors: vec![("cauchy_stress", &stress)],
             ..FieldSet::default()
         };
-        let names = ["cauchy_stress", "nodal_cauchy_stress", "nodal_energy_density"];
+        let names = ["cauchy_stress", "nodal_cauchy_stress", "nodal_energy_density", "nodal_stretch_max"];
         let share = |width: usize, table: &mut [f64]| {
-            assert_eq!((width, table.len()), (10, 60));
-            table[50] = 7.0;
+            assert_eq!((width, table.len()), (11, 66));
+            table[55] = 7.0;
             Ok(())
         };
         let found = NodalFields::of(&fields, &names, share).unwrap();
         let expected = NodalFields {
-            scalars: vec![("nodal_energy_density", vec![1.0, 2.5, 2.5, 2.5, 4.0, 7.0])],
+            scalars: vec![
+                ("nodal_energy_density", vec![1.0, 2.5, 2.5, 2.5, 4.0, 7.0]),
+                // The first element has no fibers.
+                ("nodal_stretch_max", vec![0.0, 1.5, 1.5, 1.5, 1.5, 0.0]),
+            ],
             vectors: Vec::new(),
             tensors: vec![("nodal_cauchy_stress", [2.0, 2.5, 2.5, 2.5, 3.0, 0.0].map(|value| [value; 9]).to_vec())],
         };

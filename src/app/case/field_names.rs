@@ -8,7 +8,9 @@ use crate::tissue::materials::RegionMaterial;
 const OF_BODY: [&str; 7] =
     [DISPLACEMENT, "von_mises_stress", "energy_density", "cauchy_stress", "deformation_gradient", "region", "rank"];
 /// Fields of bodies with fibers.
-const OF_FIBERS: [&str; 5] = ["fiber_alignment", "stretch_min", "stretch_max", "fiber_direction", "fiber_orientation"];
+/// The fields of fibers.
+pub(in crate::app) const OF_FIBERS: [&str; 5] =
+    ["fiber_alignment", "stretch_min", "stretch_max", "fiber_direction", "fiber_orientation"];
 /// Fields of bodies with RVEs.
 const OF_RVES: [&str; 3] = ["rve_iterations", "rve_status", "network"];
 /// Fields that are written only if the case names them: the last ones are means at the nodes.

@@ -139,11 +139,13 @@ impl Body {
         self.edges = edges.into_iter().map(|(edge, _)| edge).collect();
     }
 
-    /// Returns the mean of the values of the elements around each vertex.
+    /// Returns the mean of the values of the elements around each vertex; elements without a value (NaN) do not count.
     pub fn averages(&self, of_elements: &[f64]) -> Vec<f64> {
         let mean = |around: &[u32]| {
             let values = around.iter().filter_map(|&element| of_elements.get(element as usize));
-            values.sum::<f64>() / around.len() as f64
+            let [sum, count] = (values.filter(|value| !value.is_nan()))
+                .fold([0.0, 0.0], |[sum, count], value| [sum + value, count + 1.0]);
+            sum / count
         };
         self.offsets.windows(2).map(|ends| mean(&self.around[ends[0]..ends[1]])).collect()
     }
@@ -227,6 +229,11 @@ mod tests {
         let first: Vec<f64> = (0..12).map(|element| if element == 0 { 1.0 } else { 0.0 }).collect();
         let of_tet: Vec<f64> = body.averages(&first).into_iter().filter(|&value| value > 0.0).collect();
         assert_eq!(of_tet.len(), 4);
+        // Only the first element has a value, and only its vertices have a mean.
+        let alone: Vec<f64> = first.iter().map(|&value| if value == 0.0 { f64::NAN } else { 3.0 }).collect();
+        let of_tet = body.averages(&alone);
+        assert_eq!(of_tet.iter().filter(|&&value| value == 3.0).count(), 4);
+        assert_eq!(of_tet.iter().filter(|value| value.is_nan()).count(), body.nodes.len() - 4);
         assert_eq!(body.edges.len(), 30, "every edge has two sides");
         assert!(body.edges.iter().all(|edge| edge[2] != edge[3]) && body.mesh_edges == 30);
     }
