@@ -3,11 +3,11 @@
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
-use biotissue::app::Progress;
 use biotissue::app::case::Case;
 use biotissue::app::results::ResultsError;
 use biotissue::app::results::log::{Cut, Step};
-use biotissue::app::run::{ResumeError, RunError, Simulation};
+use biotissue::app::run::{ResumeError, RunError, Setup};
+use biotissue::app::{Examination, Progress};
 use biotissue::backends::sparse::Sparse;
 use pyo3::exceptions::{PyKeyboardInterrupt, PyRuntimeError};
 use pyo3::prelude::*;
@@ -22,8 +22,8 @@ const MOST_THREADS: usize = 1024;
 /// Run a case in this process, as ``biotissue run`` does, and return its results.
 ///
 /// The body and its RVEs are solved by all threads; ``[scales]``, the numbers of ranks of the program, has no effect on
-/// the results and none here. Warnings of the readers are issued as warnings. Ctrl-C ends the run after the current load
-/// step, with a checkpoint, unless `threads` is given.
+/// the results and none here. Warnings of the readers, and of networks that have motions which no fiber resists, are issued
+/// as warnings. Ctrl-C ends the run after the current load step, with a checkpoint, unless `threads` is given.
 ///
 /// Parameters
 /// ----------
@@ -84,8 +84,10 @@ pub fn pool_of(threads: Option<usize>) -> PyResult<Option<ThreadPool>> {
 
 /// Takes the load steps; called without the interpreter.
 fn run(case: Case, dir: &Path, resume: bool) -> PyResult<()> {
-    let mut simulation = Simulation::<Sparse>::new((), case).map_err(value_error)?;
-    Python::attach(|py| warn(py, simulation.warnings()))?;
+    let setup = Setup::<Sparse>::new((), case).and_then(Setup::with_device).map_err(value_error)?;
+    let floppy = setup.floppy_networks(Examination::Quick).warnings;
+    Python::attach(|py| warn(py, setup.warnings()).and_then(|()| warn(py, &floppy)))?;
+    let mut simulation = setup.simulation().map_err(value_error)?;
     let warnings = if resume {
         simulation.resume(dir).map_err(|error| resume_error(&error))?.warnings
     } else {

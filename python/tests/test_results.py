@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from biotissue import ConvergenceError, Results, run_case
+from biotissue import ConvergenceError, Network, Results, run_case
 from conftest import CASE, write_case
 
 
@@ -94,6 +94,14 @@ def test_a_step_without_convergence_is_an_error(tmp_path: Path) -> None:
         run_case(case, tmp_path / "results")
     results = Results(tmp_path / "results")
     assert results.converged is False and len(results.loads["step"]) == 0
+
+
+def test_floppy_networks_beside_a_soft_matrix_give_a_warning(tmp_path: Path) -> None:
+    text = CASE.replace("x = 0.002", "x = 0.0002").replace("count = 3", "count = 1")
+    case = write_case(tmp_path, text.replace("shear_modulus = 1000.0", "shear_modulus = 3000.0"))
+    Network.voronoi(20, 1).write(tmp_path / "networks" / "network-1.txt")
+    with pytest.warns(UserWarning, match="1 of 2 networks has motions that no fiber resists, and the matrix"):
+        run_case(case, tmp_path / "results")
 
 
 def test_errors_of_cases_name_file_and_line(tmp_path: Path, results: Results) -> None:
