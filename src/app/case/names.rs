@@ -105,7 +105,7 @@ impl Case {
             }
             None if self.has_ending("msh") => {
                 "choose one of these, or name it in the mesh as a physical group; Gmsh leaves out \
-                                               groups without elements"
+                 groups without elements"
                     .into()
             }
             None => "choose one of these, or name it in the mesh as a physical group".into(),

@@ -38,8 +38,8 @@ impl Measured {
         }
         let Some(forecast) = forecast else {
             lines.push(
-                "forecast   none: the networks of the warning have motions that no fiber resists; under load, their RVEs may take a \
-                 thousand times as long as here"
+                "forecast   none: the networks of the warning have motions that no fiber resists; under load, their RVEs may take \
+                 much longer than here, or find no equilibrium"
                     .into(),
             );
             return lines;
