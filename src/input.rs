@@ -114,7 +114,8 @@ impl fmt::Display for InputError {
 
 impl std::error::Error for InputError {}
 
-/// All errors in the files of one request. The message shows the first 20 and the number of the others.
+/// All errors in the files of one request. The message shows the first 20, the number of the others, and the names of all
+/// other files with errors.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct InputErrors(pub Vec<InputError>);
 
@@ -144,10 +145,20 @@ impl fmt::Display for InputErrors {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let shown: Vec<String> = self.0.iter().take(MOST_SHOWN).map(ToString::to_string).collect();
         f.write_str(&shown.join("\n"))?;
-        match self.0.len().saturating_sub(MOST_SHOWN) {
-            0 => Ok(()),
-            more => write!(f, "\nand {more} more"),
+        let Some((shown, others)) = self.0.split_at_checked(MOST_SHOWN).filter(|(_, others)| !others.is_empty()) else {
+            return Ok(());
+        };
+        write!(f, "\nand {} more", others.len())?;
+        let mut named: Vec<&Path> = shown.iter().map(|error| error.file.as_path()).collect();
+        let first = named.len();
+        for error in others {
+            if !named.contains(&error.file.as_path()) {
+                f.write_str(if named.len() == first { ", also in:" } else { "" })?;
+                write!(f, "\n  {}", clipped(&error.file.display().to_string(), usize::MAX))?;
+                named.push(&error.file);
+            }
         }
+        Ok(())
     }
 }
 
@@ -190,6 +201,15 @@ mod tests {
         assert_eq!(text(20).lines().count(), 60);
         assert!(text(20).ends_with("case.toml:20: mistake 20\n  expected: none\n  cure: correct it"));
         assert_eq!(text(1000), text(20) + "\nand 980 more");
+    }
+
+    #[test]
+    fn all_files_with_errors_are_named() {
+        let of = |k: usize| InputError { file: format!("{}.txt", k / 2).into(), ..error(k) };
+        let text = InputErrors((0..25).map(of).collect()).to_string();
+        assert!(text.ends_with("\nand 5 more, also in:\n  10.txt\n  11.txt\n  12.txt"), "{text}");
+        let text = InputErrors((0..41).map(|k| of(k % 20)).collect()).to_string();
+        assert!(text.ends_with("\nand 21 more"), "{text}");
     }
 
     #[test]

@@ -10,7 +10,7 @@ use crate::fiber::orientation::principal;
 use crate::tensor::{row_major, von_mises};
 use crate::tissue::micro_scale::{PointSummary, RveStatus};
 
-/// The fields of all integration points or of all elements, collected for the writer.
+/// The fields of all integration points or of all elements, collected for the writer. Those that no file has are empty.
 #[derive(Default)]
 pub(super) struct CellFields {
     pub energy: Vec<f64>,
@@ -28,30 +28,32 @@ pub(super) struct CellFields {
 }
 
 impl CellFields {
-    /// Collects the fields of all integration points. `families` returns the fibers of a formula, for points without a
-    /// network.
+    /// Collects the fields of all integration points, those of fibers if `has_fibers` is true. `families` returns the fibers
+    /// of a formula, for points without a network; `summaries` is empty if no field of networks is needed.
     pub fn new(
         state: &BodyState,
+        has_fibers: bool,
         stress: impl Fn(usize, &Matrix3<f64>, &Matrix3<f64>) -> Matrix3<f64>,
         families: impl Fn(usize, &Matrix3<f64>) -> Option<DeformedFamilies>,
         summaries: &[Option<PointSummary>],
         status: impl Fn(usize) -> Option<RveStatus>,
     ) -> Self {
         let mut cells = Self { energy: state.responses.energy.clone(), ..Self::default() };
-        let states = state.gradients.iter().zip(&state.responses.pk1);
-        for (point, ((f, pk1), summary)) in states.zip(summaries).enumerate() {
+        for (point, (f, pk1)) in state.gradients.iter().zip(&state.responses.pk1).enumerate() {
             let cauchy = stress(point, f, pk1);
             cells.von_mises.push(von_mises(&cauchy));
             cells.cauchy.push(row_major(&cauchy));
             cells.gradient.push(row_major(f));
             // Points without fibers have 0 in the fiber fields; those without a network have -1 in `iterations` and
             // `network`.
-            let s = summary.as_ref();
-            cells.push_fibers(match (s, families(point, f)) {
-                (Some(s), _) => (s.orientation.into(), s.direction.into(), s.alignment, s.stretch),
-                (None, Some(s)) => (s.orientation, s.direction, s.alignment, s.stretch),
-                (None, None) => Default::default(),
-            });
+            let s = summaries.get(point).and_then(Option::as_ref);
+            if has_fibers {
+                cells.push_fibers(match (s, families(point, f)) {
+                    (Some(s), _) => (s.orientation.into(), s.direction.into(), s.alignment, s.stretch),
+                    (None, Some(s)) => (s.orientation, s.direction, s.alignment, s.stretch),
+                    (None, None) => Default::default(),
+                });
+            }
             cells.iterations.push(s.map_or(-1, |s| s.iterations as i64));
             cells.status.push(status(point).map_or(-1, |status| match status {
                 RveStatus::Awake => 0,
@@ -128,6 +130,7 @@ impl CellFields {
             return self;
         }
         let mut cells = Self::default();
+        let has_fibers = !self.orientation.is_empty();
         for element in 0..points.elements() {
             let of = points.of_element(element);
             let weights = &volumes[of.clone()];
@@ -135,17 +138,19 @@ impl CellFields {
             cells.von_mises.push(average(weights, self.von_mises[of.clone()].iter().map(|&value| [value]))[0]);
             cells.cauchy.push(average(weights, self.cauchy[of.clone()].iter().copied()));
             cells.gradient.push(average(weights, self.gradient[of.clone()].iter().copied()));
-            let orientation = average(weights, self.orientation[of.clone()].iter().copied());
-            let orientation = Matrix3::from_row_slice(&orientation);
-            let stretch_min = self.stretch_min[of.clone()].iter().copied().fold(f64::INFINITY, f64::min);
-            let stretch_max = self.stretch_max[of.clone()].iter().copied().fold(f64::NEG_INFINITY, f64::max);
-            // The trace is 1 with fibers.
-            cells.push_fibers(if orientation.trace() > 0.0 {
-                let (direction, largest) = principal(&orientation);
-                (orientation, direction, largest - 1.0 / 3.0, [stretch_min, stretch_max])
-            } else {
-                Default::default()
-            });
+            if has_fibers {
+                let orientation = average(weights, self.orientation[of.clone()].iter().copied());
+                let orientation = Matrix3::from_row_slice(&orientation);
+                let stretch_min = self.stretch_min[of.clone()].iter().copied().fold(f64::INFINITY, f64::min);
+                let stretch_max = self.stretch_max[of.clone()].iter().copied().fold(f64::NEG_INFINITY, f64::max);
+                // The trace is 1 with fibers.
+                cells.push_fibers(if orientation.trace() > 0.0 {
+                    let (direction, largest) = principal(&orientation);
+                    (orientation, direction, largest - 1.0 / 3.0, [stretch_min, stretch_max])
+                } else {
+                    Default::default()
+                });
+            }
             let highest = |values: &[i64]| values[of.clone()].iter().copied().max().unwrap_or(-1);
             cells.iterations.push(highest(&self.iterations));
             cells.status.push(highest(&self.status));

@@ -4,11 +4,11 @@ use std::path::{Path, PathBuf};
 
 use nalgebra::Matrix3;
 
-use super::case::Case;
+use super::case::{Case, OF_FIBERS, OF_RVES, is_needed};
 use super::cell_fields::CellFields;
 use super::derived_fields::{green_lagrange_strain, principal_stresses, principal_stretches};
 use super::formula_fibers::FormulaFibers;
-use super::nodal_fields::{NodalFields, is_needed};
+use super::nodal_fields::NodalFields;
 use super::results::collection::{field_file, index_file, partial, point_file, point_index_file};
 use super::results::{
     FieldSet, PointCloud, ResultsError, part_file, piece_index, point_piece_index, write_piece, write_pieces,
@@ -195,7 +195,10 @@ impl FieldFiles {
         let families =
             |point: usize, f: &_| self.fibers.at(field.library(), (self.region_of[point], points.in_whole(point)), f);
         let status = |point| field.sites().status(point);
-        CellFields::new(state, stress, families, &field.summaries(), status)
+        let is_any_of = |names: &[&str]| names.iter().any(|name| is_needed(name, &self.names));
+        let (has_fibers, has_rves) = (is_any_of(&OF_FIBERS), is_any_of(&OF_RVES));
+        let summaries = if has_fibers || has_rves { field.summaries() } else { Vec::new() };
+        CellFields::new(state, has_fibers, stress, families, &summaries, status)
     }
 
     /// Returns the selected fields of the integration points.

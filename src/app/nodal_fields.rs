@@ -1,11 +1,8 @@
 //! Averages at the nodes of the fields of the elements, on request.
 
-use super::case::OF_FIBERS;
+use super::case::{NODAL, OF_FIBERS};
 use super::results::FieldSet;
 use crate::tissue::micro_scale::TissueFieldError;
-
-/// What the name of an average begins with; the name of the field of the elements follows.
-const PREFIX: &str = "nodal_";
 
 /// The mean of fields over the elements around each node, of all regions, as one table. Elements without fibers do not count
 /// in the means of fields of fibers.
@@ -75,17 +72,12 @@ impl NodalFields {
     }
 }
 
-/// Returns true if a field of the elements or its average is among `names`.
-pub(super) fn is_needed(field: &str, names: &[&str]) -> bool {
-    names.iter().any(|name| *name == field || name.strip_prefix(PREFIX) == Some(field))
-}
-
 /// Returns the selected fields, in the order of the files.
 fn columns<'a>(fields: &FieldSet<'a>, names: &[&'static str]) -> Vec<Column<'a>> {
     let scalars = fields.cell_scalars.iter().map(|&(name, values)| (name, 1, values));
     let vectors = fields.cell_vectors.iter().map(|&(name, values)| (name, 3, values.as_flattened()));
     let tensors = fields.cell_tensors.iter().map(|&(name, values)| (name, 9, values.as_flattened()));
-    let selected = |field: &str| names.iter().copied().find(|name| name.strip_prefix(PREFIX) == Some(field));
+    let selected = |field: &str| names.iter().copied().find(|name| name.strip_prefix(NODAL) == Some(field));
     let all = scalars.chain(vectors).chain(tensors);
     all.filter_map(|(field, size, values)| {
         Some(Column { name: selected(field)?, size, values, of_fibers: OF_FIBERS.contains(&field) })
@@ -150,6 +142,5 @@ mod tests {
         assert_eq!(found, expected);
         let none = NodalFields::of(&fields, &names[..1], |_, _| panic!("nothing is shared")).unwrap();
         assert_eq!(none, NodalFields::default());
-        assert!(is_needed("energy_density", &names) && !is_needed("stretch_min", &names));
     }
 }

@@ -22,13 +22,13 @@ fn peak(folder: &Path, arguments: &str) -> Option<f64> {
     Some(String::from_utf8(output.stdout).unwrap().trim().parse().unwrap())
 }
 
-fn body(cells: usize, material: &str, end: &str) -> String {
+fn body(cells: usize, order: usize, material: &str, end: &str) -> String {
     format!(
-        "[mesh]\ngenerate = {{ shape = \"box\", cells = [{cells}, {cells}, {cells}], size = [1.0, 1.0, 1.0] }}\n\
+        "[mesh]\norder = {order}\ngenerate = {{ shape = \"box\", cells = [{cells}, {cells}, {cells}], size = [1.0, 1.0, 1.0] }}\n\
          [[region]]\nname = \"*\"\n[region.material]\n{material}\n\
          [[boundary]]\nsurface = \"x0\"\ndisplacement = {{ x = 0.0, y = 0.0, z = 0.0 }}\n\
          [[boundary]]\nsurface = \"x1\"\ndisplacement = {{ x = 0.02, y = 0.0, z = 0.0 }}\n\
-         [steps]\ncount = 1\n[output]\nevery = 0\n{end}"
+         [steps]\ncount = 1\n[output]\n{end}"
     )
 }
 
@@ -40,7 +40,12 @@ fn the_forecast_of_memory_is_within_a_fifth() {
     let formula = "model = \"neo-hookean\"\nyoungs_modulus = 1.0e6\npoisson_ratio = 0.3";
     let fibers = "model = \"fiber-rve\"\nnetworks = [\"networks/*.txt\"]\nfiber_volume_fraction = 0.003\n\
                   law = { name = \"linear\", youngs_modulus = 1.0e8, radius = 5.0e-8 }";
-    for (case, what) in [(body(20, formula, ""), "multigrid"), (body(4, fibers, ""), "networks")] {
+    let direct = "every = 1\n[newton]\nsolver = { method = \"direct\" }\n";
+    for (case, what) in [
+        (body(20, 1, formula, "every = 1\n"), "multigrid with fields"),
+        (body(10, 2, formula, direct), "direct solver, order 2, fields"),
+        (body(4, 1, fibers, "every = 0\n"), "networks"),
+    ] {
         write_case(folder, "case.toml", &case);
         // The program itself is larger with the libraries of all features.
         let arguments = ["--version", "run case.toml --threads 2 --out out"];
@@ -48,7 +53,8 @@ fn the_forecast_of_memory_is_within_a_fifth() {
             return skip("needs python3");
         };
         let plan = line(folder, "check case.toml --json --threads 2").object();
-        let parts = ["rves", "networks", "points", "system"].map(|part| plan["memory"][part].as_f64().unwrap());
+        let parts =
+            ["rves", "networks", "points", "system", "fields"].map(|part| plan["memory"][part].as_f64().unwrap());
         let (found, forecast) = (run - program, parts.iter().sum::<f64>());
         println!("{what}: {:.1} MB beyond the program, forecast {:.1} MB", 1e-6 * found, 1e-6 * forecast);
         assert!((forecast - found).abs() <= 0.2 * found, "{what}: {found:e} bytes, forecast {forecast:e}");

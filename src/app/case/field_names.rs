@@ -8,11 +8,10 @@ use crate::tissue::materials::RegionMaterial;
 const OF_BODY: [&str; 7] =
     [DISPLACEMENT, "von_mises_stress", "energy_density", "cauchy_stress", "deformation_gradient", "region", "rank"];
 /// Fields of bodies with fibers.
-/// The fields of fibers.
 pub(in crate::app) const OF_FIBERS: [&str; 5] =
     ["fiber_alignment", "stretch_min", "stretch_max", "fiber_direction", "fiber_orientation"];
 /// Fields of bodies with RVEs.
-const OF_RVES: [&str; 3] = ["rve_iterations", "rve_status", "network"];
+pub(in crate::app) const OF_RVES: [&str; 3] = ["rve_iterations", "rve_status", "network"];
 /// Fields that are written only if the case names them: the last ones are means at the nodes.
 const ON_REQUEST: [&str; 14] = [
     "principal_stresses",
@@ -30,6 +29,9 @@ const ON_REQUEST: [&str; 14] = [
     "nodal_fiber_orientation",
     "nodal_green_lagrange_strain",
 ];
+
+/// What the name of a mean at the nodes begins with; the name of the field of the elements follows.
+pub(in crate::app) const NODAL: &str = "nodal_";
 
 const DISPLACEMENT: &str = "displacement";
 
@@ -50,6 +52,11 @@ impl FieldSelection {
     }
 }
 
+/// Returns true if a field of the elements or its mean at the nodes is among `names`.
+pub(in crate::app) fn is_needed(field: &str, names: &[&str]) -> bool {
+    names.iter().any(|name| *name == field || name.strip_prefix(NODAL) == Some(field))
+}
+
 impl Case {
     /// Returns the names of the fields in the result files of this case.
     pub fn fields(&self) -> Vec<&'static str> {
@@ -64,6 +71,12 @@ impl Case {
                 OF_BODY.into_iter().chain(of_fibers).chain(of_rves).collect()
             }
         }
+    }
+
+    /// Returns true if the result files have fields of fibers or RVEs.
+    pub fn has_fiber_fields(&self) -> bool {
+        let names = self.fields();
+        OF_FIBERS.iter().chain(&OF_RVES).any(|name| is_needed(name, &names))
     }
 
     fn has_rves(&self) -> bool {

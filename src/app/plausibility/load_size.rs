@@ -9,13 +9,13 @@ use crate::app::case::Case;
 use crate::fem::element::CellType;
 use crate::fem::mesh::Mesh;
 
-/// A traction, pressure or body force, compared with the softest material on which it acts.
+/// A traction, pressure, point force or body force, compared with the softest material on which it acts.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LoadSize {
     /// The condition of the case.
     #[serde(skip)]
     pub of: LoadOf,
-    /// The largest component at any time, Pa or, of a body force, N/m^3; expressions are sampled.
+    /// The largest component at any time: Pa, of a point force N, of a body force N/m^3; expressions are sampled.
     pub largest: f64,
     /// Its unit.
     pub unit: &'static str,
@@ -24,7 +24,8 @@ pub struct LoadSize {
     /// Young's modulus of this material at rest, Pa; of an RVE, that of its matrix and of its network, as if that
     /// were isotropic and moved with the body.
     pub stiffness: f64,
-    /// The ratio of the load to the stiffness; a body force is multiplied by the longest edge of the body.
+    /// The ratio of the load to the stiffness; a body force is multiplied by the longest edge of the body, a point force divided
+    /// by the volume of the body over that edge.
     pub ratio: f64,
 }
 
@@ -33,6 +34,8 @@ pub struct LoadSize {
 pub enum LoadOf {
     /// A boundary.
     Boundary(usize),
+    /// A point.
+    Point(usize),
     /// A body force.
     BodyForce(usize),
 }
@@ -118,7 +121,7 @@ mod tests {
         assert_eq!(regions_behind(&mesh, "y0"), [true, true]);
         assert_eq!(regions_behind(&mesh, "none"), [false, false]);
         let text = format!(
-            "{}[[body_force]]\nregion = \"*\"\nvalue = [0, 0, -100]\n[[boundary]]\nsurface = \"y0\"\npressure = -500\n",
+            "{}[[point]]\nat = [0, 0, 0]\nforce = [0, -50, 0]\n[[body_force]]\nregion = \"*\"\nvalue = [0, 0, -100]\n[[boundary]]\nsurface = \"y0\"\npressure = -500\n",
             CASE.replace("name = \"*\"", "name = \"soft\"")
                 .replace("displacement = { x = 0.1 }", "traction = [0, 4e3, 0]")
         );
@@ -132,15 +135,17 @@ mod tests {
         let Plausibility { loads, warnings } = check_magnitudes(&case, &mesh, &[stiffness(0, 1e3), stiffness(1, 1e6)]);
         assert!(warnings.is_empty(), "{warnings:?}");
         let found: Vec<_> = loads.iter().map(|load| (load.of, &*load.softest_region, load.ratio)).collect();
-        // The body force acts over 2 m.
+        // The body force acts over 2 m, the point force on 1 m^2.
         let expected = [
             (LoadOf::Boundary(1), "hard", 4e-3),
             (LoadOf::Boundary(2), "soft", 0.5),
+            (LoadOf::Point(0), "soft", 0.05),
             (LoadOf::BodyForce(0), "soft", 0.2),
         ];
         assert_eq!(found, expected);
         assert_eq!(loads[0].text(), "up to 4000 Pa (4.0e-3 of the stiffness)");
-        assert_eq!(loads[2].text(), "up to 100 N/m^3 (0.2 of the stiffness)");
+        assert_eq!(loads[2].text(), "up to 50 N (0.05 of the stiffness)");
+        assert_eq!(loads[3].text(), "up to 100 N/m^3 (0.2 of the stiffness)");
         let soft = check_magnitudes(&case, &mesh, &[stiffness(0, 1e3), stiffness(1, 1e3)]);
         assert_eq!(soft.warnings.len(), 1);
         assert!(soft.warnings[0].ends_with("the stiffness of the region \"hard\", about 1000 Pa: are both in Pa?"));

@@ -2,7 +2,7 @@
 
 use super::load_size::{LoadOf, LoadSize, regions_behind, softest_in};
 use super::{Stiffness, short};
-use crate::app::case::{Case, LoadCurve, LoadValue, PointPlace, RigidCase, SurfaceLoad};
+use crate::app::case::{Case, LoadCurve, LoadValue, PointCase, PointPlace, RigidCase, SurfaceLoad};
 use crate::fem::boundary::centroid;
 use crate::fem::mesh::Mesh;
 
@@ -10,7 +10,7 @@ use crate::fem::mesh::Mesh;
 pub(super) struct Load {
     pub line: usize,
     pub strain: f64,
-    /// The size of a traction, pressure or body force.
+    /// The size of a traction, pressure, point force or body force.
     pub size: Option<LoadSize>,
     /// The warning if the strain is too large.
     pub message: String,
@@ -28,13 +28,19 @@ pub(super) fn loads(case: &Case, mesh: &Mesh, edge: f64, stiffnesses: &[Stiffnes
     };
     let force = |line: usize, of: LoadOf, what: &str, most: f64, soft: Option<&Stiffness>| {
         let soft = soft?;
-        let length = matches!(of, LoadOf::BodyForce(_)).then_some(edge);
-        let stress = most * length.unwrap_or(1.0);
-        let unit = if length.is_some() { "N/m^3" } else { "Pa" };
-        let strain = stress / soft.total();
-        let over = length.map_or(String::new(), |edge| format!(" over {} m", short(edge)));
+        // What multiplies the load to give a stress.
+        let (unit, factor, over, question) = match of {
+            LoadOf::Boundary(_) => ("Pa", 1.0, String::new(), "are both in Pa?"),
+            LoadOf::BodyForce(_) => ("N/m^3", edge, format!(" over {} m", short(edge)), "are both in Pa?"),
+            LoadOf::Point(_) => {
+                let area = mesh.point_volumes().iter().sum::<f64>() / edge;
+                let over = format!(" on {} m^2, the mean cross-section of the body", short(area));
+                ("N", 1.0 / area, over, "is the force in N, and the modulus in Pa?")
+            }
+        };
+        let strain = most * factor / soft.total();
         let message = format!(
-            "{what} is {} {unit}{over}, {} times the stiffness of the region \"{}\", about {} Pa: are both in Pa?",
+            "{what} is {} {unit}{over}, {} times the stiffness of the region \"{}\", about {} Pa: {question}",
             short(most),
             short(strain),
             case.regions[soft.region].name,
@@ -83,13 +89,18 @@ pub(super) fn loads(case: &Case, mesh: &Mesh, edge: f64, stiffnesses: &[Stiffnes
         }
     });
     let points = case.points.iter().map(|point| {
-        let node = || match point.place {
-            PointPlace::At(position) => mesh.nearest_node(position.map(|x| x * case.mesh_scale)).0,
-            PointPlace::Node(node) => node,
-        };
         let components: Vec<&LoadValue> = point.displacement.iter().flatten().collect();
-        let most = greatest(&components, &point.curve, || mesh.nodes().get(node()).copied().into_iter().collect());
+        let most = greatest(&components, &point.curve, || position_of(mesh, node_of(case, mesh, point)));
         displacement(point.line, "this point", most)
+    });
+    let point_forces = case.points.iter().enumerate().filter_map(|(number, point)| {
+        let node = node_of(case, mesh, point);
+        let most = greatest(&point.force.as_ref()?.each_ref(), &point.curve, || position_of(mesh, node));
+        let elements = mesh.elements().iter().zip(mesh.region_of());
+        let regions: Vec<u32> =
+            elements.filter(|(nodes, _)| nodes.contains(&node)).map(|(_, &region)| region).collect();
+        let soft = softest_in(stiffnesses, case, mesh, |region| regions.contains(&(region as u32)));
+        force(point.line, LoadOf::Point(number), "the force on this point", most, soft)
     });
     let forces = case.body_forces.iter().enumerate().filter_map(|(number, body)| {
         let most = greatest(&body.value.each_ref(), &body.curve, || mesh.nodes().to_vec());
@@ -97,7 +108,20 @@ pub(super) fn loads(case: &Case, mesh: &Mesh, edge: f64, stiffnesses: &[Stiffnes
         let soft = softest_in(stiffnesses, case, mesh, is_in);
         force(body.line, LoadOf::BodyForce(number), "the body force", most, soft)
     });
-    boundaries.chain(rotations).chain(points).chain(forces).collect()
+    boundaries.chain(rotations).chain(points).chain(point_forces).chain(forces).collect()
+}
+
+/// Returns the node of a point.
+fn node_of(case: &Case, mesh: &Mesh, point: &PointCase) -> u32 {
+    let node = match point.place {
+        PointPlace::At(position) => mesh.nearest_node(position.map(|x| x * case.mesh_scale)).0,
+        PointPlace::Node(node) => node,
+    };
+    node as u32
+}
+
+fn position_of(mesh: &Mesh, node: u32) -> Vec<[f64; 3]> {
+    mesh.nodes().get(node as usize).copied().into_iter().collect()
 }
 
 /// Returns the positions of the nodes of a surface.

@@ -27,9 +27,6 @@ pub enum ResultsError {
     /// A file or directory cannot be read.
     #[error("{0}: cannot be read: {1}")]
     Read(PathBuf, #[source] io::Error),
-    /// The data cannot be encoded as a VTK file.
-    #[error("{0}: cannot be encoded as VTK: {1}")]
-    Encode(PathBuf, #[source] vtkio::Error),
     /// A file is missing or does not have the content that a run writes.
     #[error("{}{}: {what}; expected {expected}", path.display(), line.map(|l| format!(":{l}")).unwrap_or_default())]
     Damaged {
@@ -63,7 +60,7 @@ pub enum ResultsError {
         /// The element, from 0.
         element: usize,
         /// The invalid node.
-        node: u64,
+        node: i64,
         /// Number of nodes.
         nodes: usize,
     },

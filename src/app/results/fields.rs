@@ -5,13 +5,12 @@
 
 use std::path::Path;
 
-use vtkio::model::{Attribute, Attributes, DataArray, DataSet, UnstructuredGridPiece};
-
 use super::ResultsError;
 pub use super::fields_read::{read_fields, read_vtu};
-use super::replace::replace;
-use super::vtk::{array, check_points, encode};
+use super::replace::replace_by;
+use super::vtk::check_points;
 use super::vtk_cells;
+use super::vtk_write::{Array, Piece, write};
 use crate::fem::mesh::Elements;
 
 /// A mesh and its fields, borrowed for writing. Names of point fields are unique, and so are names of cell fields.
@@ -118,11 +117,10 @@ fn named<'a, T>(fields: &'a [(String, Vec<T>)], name: &str) -> Option<&'a [T]> {
 ///
 /// # Errors
 /// Returns [`ResultsError::Length`] or [`ResultsError::ElementNode`] if the fields do not fit the mesh (nothing is
-/// written), [`ResultsError::Encode`] if the data cannot be encoded, or [`ResultsError::Write`] if the file cannot be
-/// written.
+/// written), or [`ResultsError::Write`] if the file cannot be written.
 pub fn write_vtu(path: &Path, fields: &FieldSet) -> Result<(), ResultsError> {
     check(path, fields)?;
-    replace(path, &encode(path, data_set(fields))?)
+    replace_by(path, |file| write(file, &piece(fields)))
 }
 
 /// Checks that every field has one value per point or element, and that every element refers to existing points.
@@ -141,29 +139,19 @@ pub(super) fn check(path: &Path, fields: &FieldSet) -> Result<(), ResultsError> 
     check_points(path, fields.elements.iter(), points)
 }
 
-fn data_set(fields: &FieldSet) -> DataSet {
-    let point = (fields.point_scalars.iter().map(|(name, values)| array(DataArray::new(*name, 1), values)))
-        .chain(fields.point_vectors.iter().map(|(name, values)| vectors(name, values)))
-        .chain(fields.point_tensors.iter().map(|(name, values)| tensors(name, values)))
-        .collect();
-    let scalars = fields.cell_scalars.iter().map(|(name, values)| array(DataArray::new(*name, 1), values));
-    let integers = fields.cell_integers.iter().map(|(name, values)| array(DataArray::new(*name, 1), values));
-    let cell = scalars
-        .chain(integers)
-        .chain(fields.cell_vectors.iter().map(|(name, values)| vectors(name, values)))
-        .chain(fields.cell_tensors.iter().map(|(name, values)| tensors(name, values)))
-        .collect();
-    DataSet::inline(UnstructuredGridPiece {
-        points: fields.points.as_flattened().to_vec().into(),
+/// Returns what a file of the fields holds.
+fn piece<'a>(fields: &FieldSet<'a>) -> Piece<'a> {
+    let of_points = (fields.point_scalars.iter().map(|(name, values)| Array::scalars(name, values)))
+        .chain(fields.point_vectors.iter().map(|(name, values)| Array::vectors(name, values)))
+        .chain(fields.point_tensors.iter().map(|(name, values)| Array::tensors(name, values)));
+    let of_cells = (fields.cell_scalars.iter().map(|(name, values)| Array::scalars(name, values)))
+        .chain(fields.cell_integers.iter().map(|(name, values)| Array::integers(name, values)))
+        .chain(fields.cell_vectors.iter().map(|(name, values)| Array::vectors(name, values)))
+        .chain(fields.cell_tensors.iter().map(|(name, values)| Array::tensors(name, values)));
+    Piece {
+        positions: fields.points,
         cells: vtk_cells::to_vtk(fields.elements),
-        data: Attributes { point, cell },
-    })
-}
-
-fn vectors(name: &str, values: &[[f64; 3]]) -> Attribute {
-    array(DataArray::vectors(name), values.as_flattened())
-}
-
-fn tensors(name: &str, values: &[[f64; 9]]) -> Attribute {
-    array(DataArray::tensors(name), values.as_flattened())
+        of_points: of_points.collect(),
+        of_cells: of_cells.collect(),
+    }
 }

@@ -3,11 +3,12 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-use vtkio::IOBuffer;
-use vtkio::model::{Attribute, DataSet, Piece, UnstructuredGridPiece};
-
-use super::vtk::{attribute, groups, read, visit_elements};
+use super::vtk::{attribute, check_count, groups, positions, read, visit_elements};
 use super::{Fields, ResultsError, vtk_cells};
+use crate::app::vtu::decode::Numbers;
+use crate::app::vtu::file::{Content, Grid};
+
+const EXPECTED: &str = "an unstructured grid in VTK's XML form, as a run writes it";
 
 /// Reads a file written by [`write_vtu`](super::write_vtu). Arrays of other types are ignored.
 ///
@@ -15,15 +16,7 @@ use super::{Fields, ResultsError, vtk_cells};
 /// Returns [`ResultsError::Read`] if the file cannot be read; [`ResultsError::Damaged`] or
 /// [`ResultsError::ElementNode`] if it does not hold a valid mesh.
 pub fn read_vtu(path: &Path) -> Result<Fields, ResultsError> {
-    const EXPECTED: &str = "an unstructured grid in VTK's XML form";
-    let damaged = |what: &str| ResultsError::damaged(path, None, what, EXPECTED);
-    let DataSet::UnstructuredGrid { pieces, .. } = read(path, EXPECTED)? else {
-        return Err(damaged("holds another kind of data set"));
-    };
-    let Some(Piece::Inline(piece)) = pieces.into_iter().next() else {
-        return Err(damaged("holds no piece of a grid"));
-    };
-    mesh_and_fields(path, *piece)
+    mesh_and_fields(path, read(path, Content::Grid, EXPECTED)?)
 }
 
 /// Reads the fields of a whole body (`.vtu`), or of the pieces of a divided body that an index file names (`.pvtu`),
@@ -118,32 +111,26 @@ fn extend<T>(whole: &mut [(String, Vec<T>)], piece: Vec<(String, Vec<T>)>) -> bo
     same
 }
 
-fn mesh_and_fields(path: &Path, piece: UnstructuredGridPiece) -> Result<Fields, ResultsError> {
-    let damaged = |what: &str| ResultsError::damaged(path, None, what, "a mesh with positions of 64 bits");
-    let points: Vec<[f64; 3]> = match piece.points {
-        IOBuffer::F64(values) => groups(&values),
-        _ => return Err(damaged("positions are not 64-bit numbers")),
-    };
-    let elements = vtk_cells::from_vtk(path, piece.cells, points.len())?;
+fn mesh_and_fields(path: &Path, grid: Grid) -> Result<Fields, ResultsError> {
+    let (elements, count) = (vtk_cells::from_vtk(path, &grid)?, grid.types.numbers.len());
+    let points = positions(path, grid.positions, EXPECTED)?;
     let mut fields = Fields { points, elements, ..Fields::default() };
-    for attribute in piece.data.point {
-        let Attribute::DataArray(array) = attribute else { continue };
-        let name = array.name;
-        match (array.elem.num_comp(), array.data) {
-            (1, IOBuffer::F64(values)) => fields.point_scalars.push((name, values)),
-            (3, IOBuffer::F64(values)) => fields.point_vectors.push((name, groups(&values))),
-            (9, IOBuffer::F64(values)) => fields.point_tensors.push((name, groups(&values))),
+    for array in grid.of_points {
+        check_count(path, &array, fields.points.len())?;
+        match (array.components, array.numbers) {
+            (1, Numbers::Reals(values)) => fields.point_scalars.push((array.name, values)),
+            (3, Numbers::Reals(values)) => fields.point_vectors.push((array.name, groups(&values))),
+            (9, Numbers::Reals(values)) => fields.point_tensors.push((array.name, groups(&values))),
             _ => {}
         }
     }
-    for attribute in piece.data.cell {
-        let Attribute::DataArray(array) = attribute else { continue };
-        let name = array.name;
-        match (array.elem.num_comp(), array.data) {
-            (1, IOBuffer::F64(values)) => fields.cell_scalars.push((name, values)),
-            (1, IOBuffer::I64(values)) => fields.cell_integers.push((name, values)),
-            (3, IOBuffer::F64(values)) => fields.cell_vectors.push((name, groups(&values))),
-            (9, IOBuffer::F64(values)) => fields.cell_tensors.push((name, groups(&values))),
+    for array in grid.of_cells {
+        check_count(path, &array, count)?;
+        match (array.components, array.numbers) {
+            (1, Numbers::Reals(values)) => fields.cell_scalars.push((array.name, values)),
+            (1, Numbers::Integers(values)) => fields.cell_integers.push((array.name, values)),
+            (3, Numbers::Reals(values)) => fields.cell_vectors.push((array.name, groups(&values))),
+            (9, Numbers::Reals(values)) => fields.cell_tensors.push((array.name, groups(&values))),
             _ => {}
         }
     }

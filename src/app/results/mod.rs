@@ -24,7 +24,6 @@
 
 mod clear;
 pub mod collection;
-mod compressed;
 pub mod costs;
 mod error;
 pub mod fields;
@@ -42,6 +41,7 @@ mod replace;
 mod scales_log;
 mod vtk;
 mod vtk_cells;
+mod vtk_write;
 
 pub use clear::{clear, clear_after, clear_unfinished};
 pub(in crate::app) use clear::{failed_rve_file, remove_as};

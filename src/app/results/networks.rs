@@ -3,11 +3,11 @@
 use std::fmt;
 use std::path::Path;
 
-use vtkio::IOBuffer;
-use vtkio::model::{Attribute, Attributes, DataArray, DataSet, Piece, PolyDataPiece, VertexNumbers};
-
 use super::ResultsError;
-use super::vtk::{array, cells, check_points, encode, groups, read};
+use super::vtk::{check_count, check_points, groups, integers, positions, read};
+use super::vtk_write::{Array, Cells, Piece, write};
+use crate::app::vtu::decode::Numbers;
+use crate::app::vtu::file::Content;
 use crate::fem::mesh::IntegrationPoint;
 use crate::output;
 
@@ -86,8 +86,7 @@ pub fn network_collection(point: NetworkPoint) -> String {
 ///
 /// # Errors
 /// Returns [`ResultsError::Length`] or [`ResultsError::ElementNode`] (of a fiber) if the arrays do not match (nothing
-/// is written), [`ResultsError::Encode`] if the data cannot be encoded, or [`ResultsError::Write`] if the file cannot
-/// be written.
+/// is written), or [`ResultsError::Write`] if the file cannot be written.
 pub fn write_vtp(path: &Path, network: &NetworkSet) -> Result<(), ResultsError> {
     let lengths = [("stretch", network.stretch.len()), ("force", network.force.len()), ("type", network.kind.len())];
     for (name, found) in lengths {
@@ -97,28 +96,27 @@ pub fn write_vtp(path: &Path, network: &NetworkSet) -> Result<(), ResultsError> 
         ResultsError::check_length(path, DISPLACEMENT, network.displacements.len(), network.points.len())?;
     }
     check_points(path, network.fibers.iter().map(<[u32; 2]>::as_slice), network.points.len())?;
-    let bytes = encode(path, data_set(network))?;
-    output::write(path, &bytes).map_err(ResultsError::write(path))
+    output::write_by(path, |file| write(file, &piece(network))).map_err(ResultsError::write(path))
 }
 
-fn data_set(network: &NetworkSet) -> DataSet {
-    let lines = VertexNumbers::XML {
+/// Returns what a file of the network holds: a line for each fiber.
+fn piece<'a>(network: &NetworkSet<'a>) -> Piece<'a> {
+    let cells = Cells {
         connectivity: network.fibers.as_flattened().iter().map(|&node| node.into()).collect(),
-        offsets: (1..=network.fibers.len() as u64).map(|fiber| 2 * fiber).collect(),
+        offsets: (1..=network.fibers.len() as i64).map(|fiber| 2 * fiber).collect(),
+        types: None,
     };
-    let cell = vec![
-        array(DataArray::new("stretch", 1), network.stretch),
-        array(DataArray::new("force", 1), network.force),
-        array(DataArray::new("type", 1), network.kind),
-    ];
-    let displacement = array(DataArray::vectors(DISPLACEMENT), network.displacements.as_flattened());
-    let point = if network.displacements.is_empty() { Vec::new() } else { vec![displacement] };
-    DataSet::inline(PolyDataPiece {
-        points: network.points.as_flattened().to_vec().into(),
-        lines: Some(lines),
-        data: Attributes { point, cell },
-        ..PolyDataPiece::default()
-    })
+    let displacements = Array::vectors(DISPLACEMENT, network.displacements);
+    Piece {
+        positions: network.points,
+        cells,
+        of_points: if network.displacements.is_empty() { Vec::new() } else { vec![displacements] },
+        of_cells: vec![
+            Array::scalars("stretch", network.stretch),
+            Array::scalars("force", network.force),
+            Array::integers("type", network.kind),
+        ],
+    }
 }
 
 /// Reads a file written by [`write_vtp`].
@@ -128,38 +126,27 @@ fn data_set(network: &NetworkSet) -> DataSet {
 /// [`ResultsError::ElementNode`] (of a fiber) if it does not hold a valid network.
 pub fn read_vtp(path: &Path) -> Result<Networks, ResultsError> {
     const EXPECTED: &str = "a fiber network in VTK's XML form";
-    let damaged = |what: &str| ResultsError::damaged(path, None, what, EXPECTED);
-    let DataSet::PolyData { pieces, .. } = read(path, EXPECTED)? else {
-        return Err(damaged("holds another kind of data set"));
-    };
-    let Some(Piece::Inline(piece)) = pieces.into_iter().next() else {
-        return Err(damaged("holds no piece of a network"));
-    };
-    let IOBuffer::F64(points) = piece.points else {
-        return Err(damaged("positions are not 64-bit numbers"));
-    };
-    let Some(VertexNumbers::XML { connectivity, offsets }) = piece.lines else {
-        return Err(damaged("holds no lines"));
-    };
-    if offsets.iter().zip(1..).any(|(&offset, fiber)| offset != 2 * fiber) {
-        return Err(damaged("holds other lines than fibers of two nodes"));
+    let grid = read(path, Content::Lines, EXPECTED)?;
+    let (line, ends) = (grid.offsets.line, integers(path, &grid.offsets, EXPECTED)?);
+    let nodes = integers(path, &grid.connectivity, EXPECTED)?;
+    if ends.iter().zip(1..).any(|(&end, fiber)| end != 2 * fiber) || nodes.len() != 2 * ends.len() {
+        let what = "holds other lines than fibers of two nodes";
+        return Err(ResultsError::damaged(path, Some(line), what, EXPECTED));
     }
-    let points: Vec<[f64; 3]> = groups(&points);
-    let fibers = cells(path, &connectivity, points.len())?;
+    let points = positions(path, grid.positions, EXPECTED)?;
+    let fibers = fibers(path, nodes.as_chunks().0, points.len())?;
     let mut network = Networks { points, fibers, ..Networks::default() };
-    for attribute in piece.data.point {
-        if let Attribute::DataArray(array) = attribute
-            && let (DISPLACEMENT, 3, IOBuffer::F64(values)) = (array.name.as_str(), array.elem.num_comp(), array.data)
-        {
+    for array in grid.of_points {
+        check_count(path, &array, network.points.len())?;
+        if let (DISPLACEMENT, 3, Numbers::Reals(values)) = (array.name.as_str(), array.components, array.numbers) {
             network.displacements = groups(&values);
         }
     }
-    for attribute in piece.data.cell {
-        let Attribute::DataArray(array) = attribute else { continue };
-        match (array.name.as_str(), array.data) {
-            ("stretch", IOBuffer::F64(values)) => network.stretch = values,
-            ("force", IOBuffer::F64(values)) => network.force = values,
-            ("type", IOBuffer::I64(values)) => network.kind = values,
+    for array in grid.of_cells {
+        match (array.name.as_str(), array.numbers) {
+            ("stretch", Numbers::Reals(values)) => network.stretch = values,
+            ("force", Numbers::Reals(values)) => network.force = values,
+            ("type", Numbers::Integers(values)) => network.kind = values,
             _ => {}
         }
     }
@@ -167,8 +154,14 @@ pub fn read_vtp(path: &Path) -> Result<Networks, ResultsError> {
     for (name, found) in lengths {
         ResultsError::check_length(path, name, found, network.fibers.len())?;
     }
-    if !network.displacements.is_empty() {
-        ResultsError::check_length(path, DISPLACEMENT, network.displacements.len(), network.points.len())?;
-    }
     Ok(network)
+}
+
+/// Returns the nodes of the fibers, which must be below `points`.
+fn fibers(path: &Path, lines: &[[i64; 2]], points: usize) -> Result<Vec<[u32; 2]>, ResultsError> {
+    let of = |(element, line): (usize, &[i64; 2])| match line.iter().find(|&&node| node < 0 || node >= points as i64) {
+        Some(&node) => Err(ResultsError::ElementNode { path: path.into(), element, node, nodes: points }),
+        None => Ok(line.map(|node| node as u32)),
+    };
+    lines.iter().enumerate().map(of).collect()
 }

@@ -29,8 +29,7 @@ pub fn part_file(index_name: &str, part: usize) -> String {
 ///
 /// # Errors
 /// Returns [`ResultsError::Length`] or [`ResultsError::ElementNode`] if the fields do not fit the mesh (nothing is
-/// written), [`ResultsError::Encode`] if the data cannot be encoded, or [`ResultsError::Write`] if a file cannot be
-/// written or its name is not UTF-8.
+/// written), or [`ResultsError::Write`] if a file cannot be written or its name is not UTF-8.
 ///
 /// # Panics
 /// Panics if a part is not below `parts`.

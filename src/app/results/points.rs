@@ -7,16 +7,14 @@
 use std::io;
 use std::path::Path;
 
-use vtkio::IOBuffer;
-use vtkio::model::{
-    Attribute, Attributes, CellType, Cells, DataArray, DataSet, Piece, UnstructuredGridPiece, VertexNumbers,
-};
-
 use super::ResultsError;
 use super::fields_read::sources;
 use super::pieces::{Arrays, borrow, file_name, gather, index, part_file};
-use super::replace::replace;
-use super::vtk::{array, encode, groups, read};
+use super::replace::{replace, replace_by};
+use super::vtk::{check_count, positions, read};
+use super::vtk_write::{Array, Cells, Piece, write};
+use crate::app::vtu::decode::Numbers;
+use crate::app::vtu::file::Content;
 
 /// The name of an array with its values.
 pub type Named<T> = (&'static str, Vec<T>);
@@ -62,11 +60,11 @@ impl PointValues {
 /// Writes points to `path`, which should end in `.vtu`. An existing file is replaced atomically.
 ///
 /// # Errors
-/// Returns [`ResultsError::Length`] if an array does not have one value per point (nothing is written),
-/// [`ResultsError::Encode`] if the data cannot be encoded, or [`ResultsError::Write`] if the file cannot be written.
+/// Returns [`ResultsError::Length`] if an array does not have one value per point (nothing is written), or
+/// [`ResultsError::Write`] if the file cannot be written.
 pub fn write_points(path: &Path, cloud: &PointCloud) -> Result<(), ResultsError> {
     check(path, cloud)?;
-    replace(path, &encode(path, data_set(cloud))?)
+    replace_by(path, |file| write(file, &piece(cloud)))
 }
 
 /// Writes the points of a divided body: one `.vtu` per part that has points, then the index file `path`, which should
@@ -136,19 +134,14 @@ pub fn read_points(path: &Path) -> Result<PointValues, ResultsError> {
 
 fn read_piece(path: &Path) -> Result<PointValues, ResultsError> {
     const EXPECTED: &str = "a grid of vertices in VTK's XML form";
-    let damaged = |what: &str| ResultsError::damaged(path, None, what, EXPECTED);
-    let DataSet::UnstructuredGrid { pieces, .. } = read(path, EXPECTED)? else {
-        return Err(damaged("holds another kind of data set"));
-    };
-    let Some(Piece::Inline(piece)) = pieces.into_iter().next() else { return Err(damaged("holds no piece of a grid")) };
-    let IOBuffer::F64(positions) = piece.points else { return Err(damaged("positions are not 64-bit numbers")) };
-    let mut values = PointValues { positions: groups(&positions), ..PointValues::default() };
-    for attribute in piece.data.point {
-        let Attribute::DataArray(array) = attribute else { continue };
-        match array.data {
-            IOBuffer::F64(numbers) => values.numbers.push((array.name, array.elem.num_comp() as usize, numbers)),
-            IOBuffer::I64(numbers) => values.integers.push((array.name, numbers)),
-            _ => {}
+    let grid = read(path, Content::Grid, EXPECTED)?;
+    let positions = positions(path, grid.positions, EXPECTED)?;
+    let mut values = PointValues { positions, ..PointValues::default() };
+    for array in grid.of_points {
+        check_count(path, &array, values.positions.len())?;
+        match array.numbers {
+            Numbers::Reals(numbers) => values.numbers.push((array.name, array.components, numbers)),
+            Numbers::Integers(numbers) => values.integers.push((array.name, numbers)),
         }
     }
     Ok(values)
@@ -191,23 +184,21 @@ fn check(path: &Path, cloud: &PointCloud) -> Result<(), ResultsError> {
     Ok(())
 }
 
-fn data_set(cloud: &PointCloud) -> DataSet {
-    let scalars = cloud.scalars.iter().map(|(name, values)| array(DataArray::new(*name, 1), values));
-    let integers = cloud.integers.iter().map(|(name, values)| array(DataArray::new(*name, 1), values));
-    let vectors = cloud.vectors.iter();
-    let tensors = cloud.tensors.iter();
-    let point = scalars
-        .chain(integers)
-        .chain(vectors.map(|(name, values)| array(DataArray::vectors(*name), values.as_flattened())))
-        .chain(tensors.map(|(name, values)| array(DataArray::tensors(*name), values.as_flattened())))
-        .collect();
-    let count = cloud.positions.len() as u64;
-    let cell_verts = VertexNumbers::XML { connectivity: (0..count).collect(), offsets: (1..=count).collect() };
-    DataSet::inline(UnstructuredGridPiece {
-        points: cloud.positions.as_flattened().to_vec().into(),
-        cells: Cells { cell_verts, types: vec![CellType::Vertex; cloud.positions.len()] },
-        data: Attributes { point, cell: Vec::new() },
-    })
+/// Returns what a file of the points holds: a vertex at each.
+fn piece(cloud: &PointCloud) -> Piece<'_> {
+    /// The number of the cell type in VTK.
+    const VERTEX: u8 = 1;
+    let arrays = (cloud.scalars.iter().map(|(name, values)| Array::scalars(name, values)))
+        .chain(cloud.integers.iter().map(|(name, values)| Array::integers(name, values)))
+        .chain(cloud.vectors.iter().map(|(name, values)| Array::vectors(name, values)))
+        .chain(cloud.tensors.iter().map(|(name, values)| Array::tensors(name, values)));
+    let count = cloud.positions.len() as i64;
+    let cells = Cells {
+        connectivity: (0..count).collect(),
+        offsets: (1..=count).collect(),
+        types: Some(vec![VERTEX; cloud.positions.len()]),
+    };
+    Piece { positions: &cloud.positions, cells, of_points: arrays.collect(), of_cells: Vec::new() }
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! Writing and listing the files of a result directory, and reading files that grow during a run.
 
-use std::fs;
+use std::fs::{self, File};
 use std::io::{self, Write};
 use std::path::Path;
 
@@ -9,7 +9,12 @@ use crate::output;
 
 /// Replaces the file at `path` by `bytes`; see [`output::replace_by`].
 pub(in crate::app) fn replace(path: &Path, bytes: &[u8]) -> Result<(), ResultsError> {
-    output::replace_by(path, |file| file.write_all(bytes)).map_err(ResultsError::write(path))
+    replace_by(path, |file| file.write_all(bytes))
+}
+
+/// Replaces the file at `path` by what `write` writes; see [`output::replace_by`].
+pub(super) fn replace_by(path: &Path, write: impl FnOnce(&mut File) -> io::Result<()>) -> Result<(), ResultsError> {
+    output::replace_by(path, write).map_err(ResultsError::write(path))
 }
 
 /// Returns the names of the files in a folder that are text in UTF-8; none if the folder does not exist.

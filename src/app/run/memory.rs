@@ -2,11 +2,12 @@
 
 use serde::Serialize;
 
+use crate::app::case::Case;
 use crate::fem::mesh::Mesh;
 use crate::fem::stepping::LinearSystem;
 use crate::fiber::rve::RveModel;
 use crate::fiber::workspace::Workspace;
-use crate::las::{Method, RealBackend};
+use crate::las::{Method, RealBackend, Sparsity, SparsityError, Symmetry};
 use crate::tissue::micro_scale::{Library, TissueMaterial};
 
 /// Bytes that a run in one process takes, by part.
@@ -16,49 +17,108 @@ pub struct MemoryForecast {
     pub rves: usize,
     /// Networks with their analyses, and the memory in which each thread solves RVEs.
     pub networks: usize,
-    /// Deformation gradients, stresses and tangents of the body: two sets, of the converged and of the trial state.
+    /// Integration points: gradients of the shape functions, and deformation gradients, stresses and tangents of the converged
+    /// and of the trial state.
     pub points: usize,
     /// Mesh and linear system of the body.
     pub system: usize,
+    /// The fields of the body while they are written.
+    pub fields: usize,
     /// All of them, and the program itself.
     pub total: usize,
     /// What the factor of a direct solver takes in addition if the solver replaces an iterative one that fails.
     pub fallback: usize,
 }
 
-/// Bytes of the program with the default features before it reads a case, and what the allocator holds for small arrays.
+/// Bytes of the program with the default features before it reads a case, and what the allocator holds for each thread.
 const PROGRAM: usize = 12_000_000;
 
-/// Bytes for each unknown of the body: mesh, unknowns, positions of entries, vectors and matrix; with multigrid also its levels.
-/// Measured for boxes of tetrahedra with 1 700 to 68 000 unknowns.
-const DIRECT: f64 = 1600.0;
-const WITH_MULTIGRID: f64 = 2650.0;
-
-/// Bytes of a factor with `n` unknowns and `w` operations, over `sqrt(n w)`. In a band of constant width, the number of entries is
-/// this root; in the same boxes, it was 1.0 to 1.3 times as large.
-const FACTOR: f64 = 8.8;
+/// Bytes for each entry of the matrix: its value, its column, positions of the entries of elements; with multigrid also those
+/// of the coarse levels. These figures and the following ones are least-squares fits to the peaks of 30 boxes of tetrahedra
+/// and hexahedra of order 1 and 2, with 5 600 to 200 000 unknowns; the worst deviates by 4 %.
+const ENTRY: f64 = 22.0;
+const ENTRY_WITH_MULTIGRID: f64 = 32.0;
+/// Bytes for each unknown: vectors of multigrid and of the Krylov method.
+const UNKNOWN_WITH_MULTIGRID: f64 = 770.0;
+/// Bytes for each entry of a factor, with explicit zeros and the analysis.
+const FACTOR_ENTRY: f64 = 8.0 * 1.35;
 
 /// What networks and the memory of threads take beyond their arrays: other storage, and what the allocator holds. Measured for 20
 /// networks of a ligament and for generated ones, with lanes and without.
 const OVERHEAD: f64 = 1.2;
 
-/// Bytes of the values at an integration point: energy, gradient, stress, tangent.
-const POINT: usize = (1 + 9 + 9 + 81) * size_of::<f64>();
+/// Bytes for each integration point: energy, gradient, stress, tangent, of the converged and of the trial state; gradients of
+/// the shape functions.
+const POINT: usize = 2 * (1 + 9 + 9 + 81) * size_of::<f64>() + 210;
+/// Bytes for each element: its nodes and places in lists.
+const ELEMENT: usize = 32;
 
 impl MemoryForecast {
-    /// Forecasts the memory of a body with this material and linear system, on this number of threads.
-    pub(super) fn new(field: &impl TissueMaterial, mesh: &Mesh, system: &LinearSystem, threads: usize) -> Self {
-        let unknowns = system.unknowns.free() as f64;
-        let factor = FACTOR * (unknowns * system.operations).sqrt();
+    /// Forecasts the memory of a case with this material, mesh and linear system, on this number of threads.
+    ///
+    /// # Errors
+    /// Returns [`SparsityError::TooLarge`] if the matrix exceeds the range of 32-bit indices.
+    pub(super) fn new(
+        case: &Case,
+        field: &impl TissueMaterial,
+        mesh: &Mesh,
+        system: &LinearSystem,
+        threads: usize,
+    ) -> Result<Self, SparsityError> {
+        let pattern = system.pattern.expanded()?;
+        let (entries, unknowns) = (pattern.nnz() as f64, pattern.rows() as f64);
+        let factor = || FACTOR_ENTRY * factor_entries(&pattern, system);
         let (of_system, fallback) = match system.solver.method {
-            Method::Direct => (DIRECT * unknowns + factor, 0.0),
-            Method::Iterative(_) => (WITH_MULTIGRID * unknowns, if system.solver.fallback { factor } else { 0.0 }),
+            Method::Direct => (ENTRY * entries + factor(), 0.0),
+            Method::Iterative(_) => (
+                ENTRY_WITH_MULTIGRID * entries + UNKNOWN_WITH_MULTIGRID * unknowns,
+                if system.solver.fallback { factor() } else { 0.0 },
+            ),
         };
         let (rves, networks) = (field.rve_bytes(), of_networks(field.library(), threads));
-        let (points, system) = (2 * POINT * mesh.whole().points, of_system as usize);
-        let total = PROGRAM + rves + networks + points + system;
-        Self { rves, networks, points, system, total, fallback: fallback as usize }
+        let whole = mesh.whole();
+        let (points, system) = (POINT * whole.points, of_system as usize + ELEMENT * whole.elements);
+        let fields = of_fields(case, mesh);
+        let total = PROGRAM + rves + networks + points + system + fields;
+        Ok(Self { rves, networks, points, system, fields, total, fallback: fallback as usize })
     }
+}
+
+/// Returns the number of entries of the factor of a direct solver. An unsymmetric matrix has two factors.
+fn factor_entries(pattern: &Sparsity, system: &LinearSystem) -> f64 {
+    let factors = if system.solver.symmetry == Symmetry::None { 2.0 } else { 1.0 };
+    factors * cholesky_entries(pattern).unwrap_or_else(|| (pattern.rows() as f64 * system.operations).sqrt())
+}
+
+/// Returns the number of entries of a Cholesky factor, if an order of elimination is found.
+#[cfg(feature = "sparse")]
+fn cholesky_entries(pattern: &Sparsity) -> Option<f64> {
+    crate::backends::sparse::cholesky_entries(pattern).ok()
+}
+
+#[cfg(not(feature = "sparse"))]
+fn cholesky_entries(_: &Sparsity) -> Option<f64> {
+    None
+}
+
+/// Returns what the fields take while they are written: their values at the points and in the elements, and the cells of the
+/// file.
+fn of_fields(case: &Case, mesh: &Mesh) -> usize {
+    /// Numbers of the fields that every body has, and of those of fibers and RVEs with what they are collected from.
+    const OF_BODY: usize = 1 + 9 + 9 + 1 + 3;
+    const OF_FIBERS: usize = 9 + 3 + 3 + 19;
+    /// Numbers of a file of integration points.
+    const OF_POINTS: usize = 56;
+    if case.output.every == 0 {
+        return 0;
+    }
+    let whole = mesh.whole();
+    let numbers = OF_BODY + if case.has_fiber_fields() { OF_FIBERS } else { 0 };
+    let at_points = numbers + if case.output.points { OF_POINTS } else { 0 };
+    // The fields of elements with one point are those of the points.
+    let in_elements = if whole.points > whole.elements { numbers } else { 0 };
+    let nodes = mesh.elements().iter().map(<[u32]>::len).sum::<usize>();
+    size_of::<f64>() * (at_points * whole.points + (in_elements + 9) * whole.elements + nodes)
 }
 
 fn of_networks<B: RealBackend>(library: &Library<B>, threads: usize) -> usize {

@@ -241,7 +241,8 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
         let system = LinearSystem::new::<B>(&order, &self.mesh, &boundary, constraints, &params);
         let system = system.map_err(|error| Box::new(SetupError::from(error)))?;
         let size = ProblemSize::new(&self.case, &self.mesh, &self.field, self.unknowns, system.choice.as_ref());
-        let memory = MemoryForecast::new(&self.field, &self.mesh, &system, size.threads);
+        let memory = MemoryForecast::new(&self.case, &self.field, &self.mesh, &system, size.threads)
+            .map_err(|error| Box::new(SetupError::from(error)))?;
         Ok((size, memory))
     }
 

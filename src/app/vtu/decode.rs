@@ -8,7 +8,7 @@ use std::io::Read;
 
 /// The numbers of an array.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum Numbers {
+pub(in crate::app) enum Numbers {
     Integers(Vec<i64>),
     Reals(Vec<f64>),
 }
@@ -24,7 +24,7 @@ pub(super) enum NumberType {
 
 /// What the root element of a file says about all arrays in binary.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::app) struct Encoding {
+pub(super) struct Encoding {
     pub is_big_endian: bool,
     /// Bytes of a number in the header of an array: 4 or 8.
     pub header: usize,
@@ -101,7 +101,7 @@ fn word(bytes: &[u8], is_big_endian: bool) -> u64 {
 
 /// Encoded bytes: raw ones, or base64.
 #[derive(Clone, Copy)]
-pub(in crate::app) enum Source<'a> {
+pub(super) enum Source<'a> {
     Raw(&'a [u8]),
     Base64(&'a [u8]),
 }

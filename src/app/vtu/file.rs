@@ -1,4 +1,4 @@
-//! The arrays of a `.vtu` file: its XML text, with data in text, in base64, or appended.
+//! The arrays of a `.vtu` or `.vtp` file: its XML text, with data in text, in base64, or appended.
 
 use std::path::Path;
 
@@ -8,11 +8,10 @@ use super::decode::{Encoding, NumberType, Numbers, Source};
 use crate::app::results::attribute;
 use crate::input::InputError;
 
-const EXPECTED: &str = "an unstructured grid in VTK's XML form (.vtu)";
 pub(super) const DAMAGED: &str = "the file is damaged: write it again";
 
 /// An array of the file.
-pub(super) struct Array {
+pub(in crate::app) struct Array {
     pub name: String,
     /// Line of its tag, from 1.
     pub line: usize,
@@ -20,16 +19,58 @@ pub(super) struct Array {
     pub numbers: Numbers,
 }
 
-/// The grid of a file.
-pub(super) struct Grid {
+/// What is read of a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::app) enum Content {
+    /// An unstructured grid with the values of its cells.
+    Cells,
+    /// An unstructured grid with the values of its points and cells.
+    Grid,
+    /// PolyData with lines and the values of its points and lines.
+    Lines,
+}
+
+/// The grid or the lines of a file.
+pub(in crate::app) struct Grid {
     /// Line of the tag `Piece`.
     pub line: usize,
     pub positions: Array,
     pub connectivity: Array,
     pub offsets: Array,
+    /// The types of the cells of a grid; empty for lines.
     pub types: Array,
-    /// The arrays with values of the cells.
+    /// The arrays with values of the points, if they are read.
+    pub of_points: Vec<Array>,
+    /// The arrays with values of the cells or lines.
     pub of_cells: Vec<Array>,
+}
+
+impl Content {
+    /// Returns the name of the data set in VTK.
+    fn data_set(self) -> &'static str {
+        match self {
+            Self::Cells | Self::Grid => "UnstructuredGrid",
+            Self::Lines => "PolyData",
+        }
+    }
+
+    fn expected(self) -> &'static str {
+        match self {
+            Self::Cells | Self::Grid => "an unstructured grid in VTK's XML form (.vtu)",
+            Self::Lines => "lines in VTK's XML form (.vtp)",
+        }
+    }
+
+    /// Returns the section that an element of XML begins.
+    fn section(self, element: &str) -> Option<Section> {
+        match (element, self) {
+            ("Points", _) => Some(Section::Points),
+            ("Cells", Self::Cells | Self::Grid) | ("Lines", Self::Lines) => Some(Section::Cells),
+            ("CellData", _) => Some(Section::CellData),
+            ("PointData", Self::Grid | Self::Lines) => Some(Section::PointData),
+            _ => None,
+        }
+    }
 }
 
 /// Where the reader is: the section that holds the arrays.
@@ -37,6 +78,7 @@ pub(super) struct Grid {
 enum Section {
     Points,
     Cells,
+    PointData,
     CellData,
 }
 
@@ -63,22 +105,28 @@ struct Appended<'a> {
     is_raw: bool,
 }
 
-/// Reads the arrays of a file.
+/// Reads the grid of a file with the values of its cells.
 pub(super) fn read(path: &Path) -> Result<Grid, InputError> {
     let bytes = std::fs::read(path).map_err(|error| InputError::unreadable(path, &error))?;
-    let (text, appended) = split(path, &bytes)?;
-    Reader { path, text, appended, encoding: None, pieces: Vec::new(), arrays: Vec::new() }.read()
+    parse(path, &bytes, Content::Cells)
+}
+
+/// Reads a file with these bytes.
+pub(in crate::app) fn parse(path: &Path, bytes: &[u8], content: Content) -> Result<Grid, InputError> {
+    let (text, appended) = split(path, bytes, content)?;
+    Reader { path, content, text, appended, encoding: None, pieces: Vec::new(), arrays: Vec::new() }.read()
 }
 
 /// Splits a file into its XML text and the appended data, which need not be text.
-fn split<'a>(path: &Path, bytes: &'a [u8]) -> Result<(&'a str, Option<Appended<'a>>), InputError> {
+fn split<'a>(path: &Path, bytes: &'a [u8], content: Content) -> Result<(&'a str, Option<Appended<'a>>), InputError> {
     const MARK: &[u8] = b"<AppendedData";
-    let damaged = |problem: String| InputError::in_file(path, problem, EXPECTED, DAMAGED);
+    let expected = content.expected();
+    let damaged = |problem: String| InputError::in_file(path, problem, expected, DAMAGED);
     let at = bytes.windows(MARK.len()).position(|window| window == MARK);
     let (text, rest) = bytes.split_at(at.unwrap_or(bytes.len()));
     let text = std::str::from_utf8(text).map_err(|error| {
         let line = 1 + text[..error.valid_up_to()].iter().filter(|&&byte| byte == b'\n').count();
-        InputError::at_line(path, line, "the file is not text in UTF-8", EXPECTED, "write it again in VTK's XML form")
+        InputError::at_line(path, line, "the file is not text in UTF-8", expected, "write it again in VTK's XML form")
     })?;
     let Some(_) = at else { return Ok((text, None)) };
     let end =
@@ -99,6 +147,7 @@ fn split<'a>(path: &Path, bytes: &'a [u8]) -> Result<(&'a str, Option<Appended<'
 
 struct Reader<'a> {
     path: &'a Path,
+    content: Content,
     text: &'a str,
     appended: Option<Appended<'a>>,
     encoding: Option<Encoding>,
@@ -133,10 +182,7 @@ impl Reader<'_> {
                 Event::Start(tag) => match tag.name().as_ref() {
                     "VTKFile" => self.root(line, &tag)?,
                     "Piece" => self.piece(line, &tag)?,
-                    "Points" => section = Some(Section::Points),
-                    "Cells" => section = Some(Section::Cells),
-                    "CellData" => section = Some(Section::CellData),
-                    _ => {}
+                    element => section = self.content.section(element).or(section),
                 },
                 Event::Text(text) => {
                     if let Some((_, numbers)) = &mut open {
@@ -145,7 +191,7 @@ impl Reader<'_> {
                 }
                 Event::End(tag) => match tag.name().as_ref() {
                     "DataArray" => self.close(&mut open, section)?,
-                    "Points" | "Cells" | "CellData" => section = None,
+                    element if self.content.section(element).is_some() => section = None,
                     _ => {}
                 },
                 Event::Eof => break,
@@ -159,7 +205,7 @@ impl Reader<'_> {
     }
 
     fn error(&self, line: usize, problem: impl Into<String>) -> InputError {
-        InputError::at_line(self.path, line, problem, EXPECTED, DAMAGED)
+        InputError::at_line(self.path, line, problem, self.content.expected(), DAMAGED)
     }
 
     fn value(&self, line: usize, tag: &BytesStart<'_>, name: &str) -> Result<Option<String>, InputError> {
@@ -169,10 +215,10 @@ impl Reader<'_> {
     /// Reads the root element, which describes the encoding of all arrays.
     fn root(&mut self, line: usize, tag: &BytesStart<'_>) -> Result<(), InputError> {
         let kind = self.value(line, tag, "type")?.unwrap_or_default();
-        if kind != "UnstructuredGrid" {
+        if kind != self.content.data_set() {
             let problem = format!("the file holds the data set `{}`", crate::input::excerpt(&kind));
             let cure = "write the mesh as one unstructured grid (in ParaView: Merge Blocks, Save Data as .vtu)";
-            return Err(InputError::at_line(self.path, line, problem, EXPECTED, cure));
+            return Err(InputError::at_line(self.path, line, problem, self.content.expected(), cure));
         }
         let compressor = self.value(line, tag, "compressor")?;
         if let Some(other) = compressor.as_deref().filter(|&name| !name.is_empty() && name != "vtkZLibDataCompressor") {
@@ -195,7 +241,8 @@ impl Reader<'_> {
                 .parse::<usize>()
                 .map_err(|_| self.error(line, format!("`{name}` is `{}`, not a number", crate::input::excerpt(&text))))
         };
-        let counts = [count("NumberOfPoints")?, count("NumberOfCells")?];
+        let cells = if self.content == Content::Lines { "NumberOfLines" } else { "NumberOfCells" };
+        let counts = [count("NumberOfPoints")?, count(cells)?];
         self.pieces.push((line, counts));
         Ok(())
     }
@@ -247,58 +294,68 @@ impl Reader<'_> {
         Ok(if is_raw { Source::Raw(rest) } else { Source::Base64(rest) })
     }
 
-    /// Collects the arrays of the only piece.
-    fn grid(mut self) -> Result<Grid, InputError> {
+    /// Returns the line of the only piece, and its numbers of points and cells.
+    fn only_piece(&self) -> Result<(usize, [usize; 2]), InputError> {
+        let expected = self.content.expected();
         if self.encoding.is_none() {
             let cure = "name a .vtu file, or a Gmsh file that ends in .msh";
-            return Err(InputError::in_file(self.path, "the file has no <VTKFile>", EXPECTED, cure));
+            return Err(InputError::in_file(self.path, "the file has no <VTKFile>", expected, cure));
         }
-        let (line, counts) = match self.pieces.as_slice() {
-            &[piece] => piece,
-            [] => return Err(InputError::in_file(self.path, "the grid has no <Piece>", EXPECTED, DAMAGED)),
+        match self.pieces.as_slice() {
+            &[piece] => Ok(piece),
+            [] => Err(InputError::in_file(self.path, "the grid has no <Piece>", expected, DAMAGED)),
             &[_, (line, _), ..] => {
                 let problem = format!("the grid consists of {} pieces", self.pieces.len());
                 let cure = "merge the pieces and their shared points (in ParaView: Clean to Grid), and save again";
-                return Err(InputError::at_line(self.path, line, problem, "a grid of one piece", cure));
+                Err(InputError::at_line(self.path, line, problem, "a grid of one piece", cure))
+            }
+        }
+    }
+
+    /// Takes the first array of a section, or that of this name, which must have `count` numbers.
+    fn take(
+        &mut self,
+        piece: usize,
+        section: Section,
+        name: Option<&str>,
+        count: Option<usize>,
+    ) -> Result<Array, InputError> {
+        let is_wanted = |(of, array): &(Section, Array)| *of == section && name.is_none_or(|name| array.name == name);
+        let shown = name.unwrap_or("Points");
+        let Some(at) = self.arrays.iter().position(is_wanted) else {
+            return Err(self.error(piece, format!("the array `{shown}` is missing")));
+        };
+        let array = self.arrays.remove(at).1;
+        let found = array.numbers.len();
+        match count {
+            Some(count) if found != count => {
+                Err(self.error(array.line, format!("the array `{shown}` has {found} numbers; {count} are announced")))
+            }
+            _ => Ok(array),
+        }
+    }
+
+    /// Collects the arrays of the only piece.
+    fn grid(mut self) -> Result<Grid, InputError> {
+        let (line, [points, cells]) = self.only_piece()?;
+        let positions = self.take(line, Section::Points, None, Some(points.saturating_mul(3)))?;
+        let connectivity = self.take(line, Section::Cells, Some("connectivity"), None)?;
+        let offsets = self.take(line, Section::Cells, Some("offsets"), Some(cells))?;
+        let types = match self.content {
+            Content::Cells | Content::Grid => self.take(line, Section::Cells, Some("types"), Some(cells))?,
+            Content::Lines => {
+                Array { name: "types".into(), line, components: 1, numbers: Numbers::Integers(Vec::new()) }
             }
         };
-        let mut take = |section: Section, name: Option<&str>, count: Option<usize>| {
-            let is_wanted =
-                |(of, array): &(Section, Array)| *of == section && name.is_none_or(|name| array.name == name);
-            let shown = name.unwrap_or("Points");
-            let Some(at) = self.arrays.iter().position(is_wanted) else {
-                return Err(InputError::at_line(
-                    self.path,
-                    line,
-                    format!("the array `{shown}` is missing"),
-                    EXPECTED,
-                    DAMAGED,
-                ));
-            };
-            let array = self.arrays.swap_remove(at).1;
-            let found = array.numbers.len();
-            match count {
-                Some(count) if found != count => {
-                    let problem = format!("the array `{shown}` has {found} numbers; {count} are announced");
-                    Err(InputError::at_line(self.path, array.line, problem, EXPECTED, DAMAGED))
-                }
-                _ => Ok(array),
+        let (mut of_points, mut of_cells) = (Vec::new(), Vec::new());
+        for (section, array) in self.arrays {
+            match section {
+                Section::PointData => of_points.push(array),
+                Section::CellData => of_cells.push(array),
+                Section::Points | Section::Cells => {}
             }
-        };
-        let [points, cells] = counts;
-        Ok(Grid {
-            line,
-            positions: take(Section::Points, None, Some(points.saturating_mul(3)))?,
-            connectivity: take(Section::Cells, Some("connectivity"), None)?,
-            offsets: take(Section::Cells, Some("offsets"), Some(cells))?,
-            types: take(Section::Cells, Some("types"), Some(cells))?,
-            of_cells: self
-                .arrays
-                .into_iter()
-                .filter(|(of, _)| *of == Section::CellData)
-                .map(|(_, array)| array)
-                .collect(),
-        })
+        }
+        Ok(Grid { line, positions, connectivity, offsets, types, of_points, of_cells })
     }
 }
 

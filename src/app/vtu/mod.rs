@@ -11,14 +11,14 @@
 //! faces with the value 2 `surface_2`. Without such an array, the elements form the region `body` and the faces, if
 //! there are any, the surface `surface`.
 //!
-//! The arrays may be text, base64 or appended, of any number type and byte order, and compressed by zlib. (`vtkio`,
-//! which writes the result files, panics on damaged input and omits the last block of a compressed array of full
-//! blocks.)
+//! The arrays may be text, base64 or appended, of any number type and byte order, and compressed by zlib. (`vtkio` 0.7
+//! panics on damaged input, omits the last block of a compressed array of full blocks, and does not compress. It would
+//! also hold several copies of all arrays of a file in memory.)
 
 mod cell_data;
 mod cells;
 pub(in crate::app) mod decode;
-mod file;
+pub(in crate::app) mod file;
 #[cfg(test)]
 mod tests;
 

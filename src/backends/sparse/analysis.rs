@@ -13,7 +13,7 @@ use super::block::{SimdLevel, SymbolicBlockCholesky};
 use super::lu::LuAnalysis;
 use super::order::{self, Graph, Tree};
 use crate::backends::checks::check_analyzable;
-use crate::las::{Method, SolveError, SolverParams, Sparsity, Symmetry, offsets};
+use crate::las::{Method, Ordering, SolveError, SolverParams, Sparsity, Symmetry, offsets};
 use crate::parallel;
 
 /// The number of floating-point operations, padding included, from which faer's supernodal factorization replaces the
@@ -146,6 +146,18 @@ impl Symbolic {
         let analysis = LuAnalysis::new(&self.pattern).map_err(failed)?;
         Ok(self.lu.get_or_init(|| analysis))
     }
+}
+
+/// Returns the number of entries of the Cholesky factor of matrices with this pattern in the order of elimination of this
+/// backend, without the explicit zeros of supernodes. Takes less time than an analysis, which this does not make.
+///
+/// # Errors
+/// Returns [`SolveError::UnsymmetricPattern`], or an error of the library that computes the order.
+pub fn cholesky_entries(pattern: &Sparsity) -> Result<f64, Failure> {
+    if let Some((row, column)) = pattern.first_unsymmetric_entry() {
+        return Err(SolveError::UnsymmetricPattern { row, column });
+    }
+    Ok(order::eliminate(&Graph::new(pattern), Ordering::Auto)?.entries())
 }
 
 /// The number of values of a Cholesky factor from which faer factors on all threads.

@@ -48,7 +48,7 @@ use std::convert::Infallible;
 use std::marker::PhantomData;
 use std::sync::Arc;
 
-pub use analysis::Symbolic;
+pub use analysis::{Symbolic, cholesky_entries};
 pub use solve::Solver;
 pub(in crate::backends) use solve::SparseScalar;
 

@@ -57,7 +57,11 @@ pub fn conditions(case: &Case, mesh: &Mesh, loads: &[LoadSize]) -> (Vec<Conditio
         area: None,
         load,
     };
-    let on_points = case.points.iter().map(|point| elsewhere(of_point(point), node(case, mesh, point), None));
+    let on_points = case
+        .points
+        .iter()
+        .enumerate()
+        .map(|(number, point)| elsewhere(of_point(point), node(case, mesh, point), size_of(LoadOf::Point(number))));
     let on_regions = case.body_forces.iter().enumerate().map(|(number, force)| {
         let components = force.value.each_ref().map(|value| !value.is_zero());
         let (condition, place) = (format!("body force {}", listed(components)), format!("region \"{}\"", force.region));

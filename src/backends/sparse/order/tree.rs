@@ -110,6 +110,12 @@ impl Tree {
         sequence
     }
 
+    /// Returns the entries of the factor: the sum of the column counts.
+    pub(in crate::backends::sparse) fn entries(&self) -> f64 {
+        let of_node = |(&height, &size): (&u32, &u32)| (0..size).map(|k| f64::from(height - k)).sum::<f64>();
+        self.heights.iter().zip(&self.sizes).map(of_node).sum()
+    }
+
     /// Returns the floating-point operations of a factorization: the sum of the squares of the column counts.
     pub(in crate::backends::sparse) fn operations(&self) -> f64 {
         let nodes = self.heights.iter().zip(&self.sizes);
@@ -179,6 +185,12 @@ mod tests {
                 assert_eq!(tree.counts[column] as usize, rows.len() + 1);
                 assert_eq!(tree.parent[column], rows.first().copied().unwrap_or(NONE));
             }
+            let size = |position: usize| graph.size(tree.order[position] as usize);
+            let of_column = |(column, rows): (usize, &Vec<u32>)| {
+                size(column) * (size(column) + 1) / 2
+                    + size(column) * rows.iter().map(|&row| size(row as usize)).sum::<usize>()
+            };
+            assert_eq!(tree.entries(), columns.iter().enumerate().map(of_column).sum::<usize>() as f64);
             // In postorder, the subtree of a position ends at that position, so its size determines its start.
             let mut first: Vec<u32> = (0..graph.nodes() as u32).collect();
             for position in 0..graph.nodes() {

@@ -227,12 +227,13 @@ impl Plan {
         let megabytes = |bytes: usize| format!("{:.0}", (bytes as f64 * 1e-6).ceil());
         lines.push(format!(
             "memory     {} MB in one process: {} MB of RVE states, {} MB of networks, {} MB of stresses and tangents, {} MB of \
-             the linear system",
+             the linear system, {} MB to write fields",
             megabytes(memory.total),
             megabytes(memory.rves),
             megabytes(memory.networks),
             megabytes(memory.points),
-            megabytes(memory.system)
+            megabytes(memory.system),
+            megabytes(memory.fields)
         ));
         if memory.fallback > 0 {
             lines.push(format!(
