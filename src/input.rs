@@ -3,6 +3,7 @@
 #[cfg(feature = "app")]
 mod rows;
 
+use std::collections::HashSet;
 use std::fmt::{self, Write as _};
 use std::path::{Path, PathBuf};
 
@@ -149,16 +150,10 @@ impl fmt::Display for InputErrors {
             return Ok(());
         };
         write!(f, "\nand {} more", others.len())?;
-        let mut named: Vec<&Path> = shown.iter().map(|error| error.file.as_path()).collect();
-        let first = named.len();
-        for error in others {
-            if !named.contains(&error.file.as_path()) {
-                f.write_str(if named.len() == first { ", also in:" } else { "" })?;
-                write!(f, "\n  {}", clipped(&error.file.display().to_string(), usize::MAX))?;
-                named.push(&error.file);
-            }
-        }
-        Ok(())
+        let mut named: HashSet<&Path> = shown.iter().map(|error| error.file.as_path()).collect();
+        let files: Vec<&PathBuf> = others.iter().map(|error| &error.file).filter(|file| named.insert(file)).collect();
+        f.write_str(if files.is_empty() { "" } else { ", also in:" })?;
+        files.iter().try_for_each(|file| write!(f, "\n  {}", clipped(&file.display().to_string(), usize::MAX)))
     }
 }
 

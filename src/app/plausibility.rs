@@ -3,8 +3,8 @@
 //!
 //! Each load is converted to the strain that it would cause in a uniform body: a displacement divided by the longest
 //! edge of the body, a traction divided by the stiffness of the softest region on which it acts, a body force times that
-//! edge divided by the same stiffness, a point force divided by the mean cross-section of the body and by that stiffness. These are orders of magnitude, sufficient to find a modulus in MPa or a mesh in mm, and not used
-//! otherwise.
+//! edge divided by the same stiffness, a point force divided by the mean cross-section of the body and by that stiffness.
+//! These are orders of magnitude, sufficient to find a modulus in MPa or a mesh in mm, and not used otherwise.
 
 mod fibers;
 mod floppy;

@@ -175,7 +175,7 @@ fn networks_are_read_back_bit_for_bit() {
         assert!(read_vtp(&path).is_err(), "cut at {cut} of {}", whole.len());
     }
     write_vtu(&path, &Sample::new().fields()).unwrap();
-    assert!(read_vtp(&path).unwrap_err().to_string().contains("another kind of data set"));
+    assert!(read_vtp(&path).unwrap_err().to_string().contains("the file holds the data set `UnstructuredGrid`"));
 }
 
 #[test]
@@ -310,7 +310,7 @@ fn a_damaged_field_file_is_an_error_wherever_it_is_cut() {
     for array in ["", "AAAA", "AAAAAAAAAA=="] {
         std::fs::write(&path, format!("{}{array}{}", &text[..from], &text[to..])).unwrap();
         let error = read_vtu(&path).unwrap_err();
-        assert!(error.to_string().contains("an array ends after "), "{error}");
+        assert!(error.to_string().contains("the array `types` ends after "), "{error}");
     }
 }
 

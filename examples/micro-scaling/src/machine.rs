@@ -24,6 +24,11 @@ impl Machine {
         self.messages(depth(ranks), bytes)
     }
 
+    /// Returns the seconds of `sum` or `max` of so many bytes: up the tree and down again, a message on each level.
+    pub fn reduce(&self, ranks: usize, bytes: u64) -> f64 {
+        2.0 * depth(ranks) as f64 * self.messages(1, bytes)
+    }
+
     /// Returns the seconds of `gather_all`, of so many bytes of all ranks together: the lengths are exchanged first.
     pub fn gather_all(&self, ranks: usize, bytes: u64) -> f64 {
         self.tree(ranks, 8 * ranks as u64) + self.tree(ranks, bytes)
@@ -90,6 +95,7 @@ mod tests {
         let machine = Machine { latency: 1.0, bandwidth: 128.0, core: 1.0 };
         assert_eq!(machine.messages(3, 64), 3.5);
         assert_eq!([1, 2, 3, 8, 9].map(|ranks| machine.tree(ranks, 0)), [0.0, 1.0, 2.0, 3.0, 4.0]);
+        assert_eq!(machine.reduce(9, 64), 8.0 * 1.5);
         assert_eq!(machine.gather_all(8, 100), 6.0 + 64.0 / 128.0 + 100.0 / 128.0);
     }
 

@@ -57,6 +57,15 @@ pub(in crate::app) fn is_needed(field: &str, names: &[&str]) -> bool {
     names.iter().any(|name| *name == field || name.strip_prefix(NODAL) == Some(field))
 }
 
+/// Returns the number of components of a field or of its mean at the nodes.
+pub(in crate::app) fn components(name: &str) -> usize {
+    match name.strip_prefix(NODAL).unwrap_or(name) {
+        "cauchy_stress" | "deformation_gradient" | "fiber_orientation" | "green_lagrange_strain" => 9,
+        DISPLACEMENT | "fiber_direction" | "principal_stresses" | "principal_stretches" => 3,
+        _ => 1,
+    }
+}
+
 impl Case {
     /// Returns the names of the fields in the result files of this case.
     pub fn fields(&self) -> Vec<&'static str> {

@@ -34,7 +34,7 @@ pub use crate::tissue::materials::{
 pub use choice::{Bins, ChoiceField, INDEX, NetworkChoice, NetworkPattern};
 pub use data::*;
 pub use field_names::FieldSelection;
-pub(in crate::app) use field_names::{NODAL, OF_FIBERS, OF_RVES, is_needed};
+pub(in crate::app) use field_names::{NODAL, OF_FIBERS, OF_RVES, components, is_needed};
 pub use formula::{FieldFormula, FormulaCase, FormulaModel};
 pub(crate) use formula::{Unstable, entries as formula_entries};
 pub use load_value::LoadValue;

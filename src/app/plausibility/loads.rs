@@ -1,5 +1,7 @@
 //! The loads of a case, each with the strain that it would cause in a uniform body.
 
+use std::collections::{HashMap, HashSet};
+
 use super::load_size::{LoadOf, LoadSize, regions_behind, softest_in};
 use super::{Stiffness, short};
 use crate::app::case::{Case, LoadCurve, LoadValue, PointCase, PointPlace, RigidCase, SurfaceLoad};
@@ -26,6 +28,8 @@ pub(super) fn loads(case: &Case, mesh: &Mesh, edge: f64, stiffnesses: &[Stiffnes
         );
         Load { line, strain: most / edge, size: None, message }
     };
+    let loaded = loaded_points(case, mesh);
+    let area = if loaded.is_empty() { f64::NAN } else { mesh.volume() / edge };
     let force = |line: usize, of: LoadOf, what: &str, most: f64, soft: Option<&Stiffness>| {
         let soft = soft?;
         // What multiplies the load to give a stress.
@@ -33,7 +37,6 @@ pub(super) fn loads(case: &Case, mesh: &Mesh, edge: f64, stiffnesses: &[Stiffnes
             LoadOf::Boundary(_) => ("Pa", 1.0, String::new(), "are both in Pa?"),
             LoadOf::BodyForce(_) => ("N/m^3", edge, format!(" over {} m", short(edge)), "are both in Pa?"),
             LoadOf::Point(_) => {
-                let area = mesh.point_volumes().iter().sum::<f64>() / edge;
                 let over = format!(" on {} m^2, the mean cross-section of the body", short(area));
                 ("N", 1.0 / area, over, "is the force in N, and the modulus in Pa?")
             }
@@ -93,13 +96,11 @@ pub(super) fn loads(case: &Case, mesh: &Mesh, edge: f64, stiffnesses: &[Stiffnes
         let most = greatest(&components, &point.curve, || position_of(mesh, node_of(case, mesh, point)));
         displacement(point.line, "this point", most)
     });
-    let point_forces = case.points.iter().enumerate().filter_map(|(number, point)| {
-        let node = node_of(case, mesh, point);
-        let most = greatest(&point.force.as_ref()?.each_ref(), &point.curve, || position_of(mesh, node));
-        let elements = mesh.elements().iter().zip(mesh.region_of());
-        let regions: Vec<u32> =
-            elements.filter(|(nodes, _)| nodes.contains(&node)).map(|(_, &region)| region).collect();
+    let point_forces = loaded.iter().filter_map(|LoadedPoint { number, node, regions }| {
+        let point = &case.points[*number];
+        let most = greatest(&point.force.as_ref()?.each_ref(), &point.curve, || position_of(mesh, *node));
         let soft = softest_in(stiffnesses, case, mesh, |region| regions.contains(&(region as u32)));
+        let number = *number;
         force(point.line, LoadOf::Point(number), "the force on this point", most, soft)
     });
     let forces = case.body_forces.iter().enumerate().filter_map(|(number, body)| {
@@ -109,6 +110,34 @@ pub(super) fn loads(case: &Case, mesh: &Mesh, edge: f64, stiffnesses: &[Stiffnes
         force(body.line, LoadOf::BodyForce(number), "the body force", most, soft)
     });
     boundaries.chain(rotations).chain(points).chain(point_forces).chain(forces).collect()
+}
+
+/// A point with a force.
+struct LoadedPoint {
+    /// Its number in the case.
+    number: usize,
+    node: u32,
+    /// The regions of the elements around the node.
+    regions: HashSet<u32>,
+}
+
+fn loaded_points(case: &Case, mesh: &Mesh) -> Vec<LoadedPoint> {
+    let points = case.points.iter().enumerate().filter(|(_, point)| point.force.is_some());
+    let mut loaded: Vec<LoadedPoint> = points
+        .map(|(number, point)| LoadedPoint { number, node: node_of(case, mesh, point), regions: HashSet::new() })
+        .collect();
+    let mut regions: HashMap<u32, HashSet<u32>> = loaded.iter().map(|point| (point.node, HashSet::new())).collect();
+    if !loaded.is_empty() {
+        for (nodes, &region) in mesh.elements().iter().zip(mesh.region_of()) {
+            for node in nodes {
+                if let Some(regions) = regions.get_mut(node) {
+                    regions.insert(region);
+                }
+            }
+        }
+    }
+    loaded.iter_mut().for_each(|point| point.regions = regions.get(&point.node).cloned().unwrap_or_default());
+    loaded
 }
 
 /// Returns the node of a point.

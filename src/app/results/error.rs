@@ -43,7 +43,7 @@ pub enum ResultsError {
     /// file.
     #[error("{}: `{name}` has {found} values; expected {expected}", path.display())]
     Length {
-        /// The file that was to be written.
+        /// The file that was to be written, or that was read.
         path: PathBuf,
         /// The name of the field or argument, or the kind of columns.
         name: String,

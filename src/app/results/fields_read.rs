@@ -13,8 +13,8 @@ const EXPECTED: &str = "an unstructured grid in VTK's XML form, as a run writes 
 /// Reads a file written by [`write_vtu`](super::write_vtu). Arrays of other types are ignored.
 ///
 /// # Errors
-/// Returns [`ResultsError::Read`] if the file cannot be read; [`ResultsError::Damaged`] or
-/// [`ResultsError::ElementNode`] if it does not hold a valid mesh.
+/// Returns [`ResultsError::Read`] if the file cannot be read; [`ResultsError::Damaged`], [`ResultsError::Length`] or
+/// [`ResultsError::ElementNode`] if it does not hold a valid mesh with its fields.
 pub fn read_vtu(path: &Path) -> Result<Fields, ResultsError> {
     mesh_and_fields(path, read(path, Content::Grid, EXPECTED)?)
 }

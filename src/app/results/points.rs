@@ -104,8 +104,8 @@ pub fn point_piece_index(sources: &[String], cloud: &PointCloud) -> io::Result<V
 /// pieces follow one another.
 ///
 /// # Errors
-/// Returns [`ResultsError::Read`] if a file cannot be read, or [`ResultsError::Damaged`] if it does not hold points, or
-/// if the pieces have different arrays.
+/// Returns [`ResultsError::Read`] if a file cannot be read, or [`ResultsError::Damaged`] or [`ResultsError::Length`] if it does
+/// not hold points with their values, or if the pieces have different arrays.
 pub fn read_points(path: &Path) -> Result<PointValues, ResultsError> {
     if path.extension().is_none_or(|extension| extension != "pvtu") {
         return read_piece(path);

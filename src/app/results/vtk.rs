@@ -21,7 +21,12 @@ pub(super) fn read(path: &Path, content: Content, expected: &'static str) -> Res
 pub(super) fn positions(path: &Path, array: Array, expected: &'static str) -> Result<Vec<[f64; 3]>, ResultsError> {
     match array.numbers {
         Numbers::Reals(values) if array.components == 3 => Ok(groups(&values)),
-        _ => Err(ResultsError::damaged(path, Some(array.line), "the positions are not vectors", expected)),
+        _ => Err(ResultsError::damaged(
+            path,
+            Some(array.line),
+            "the positions are not vectors of 64-bit numbers",
+            expected,
+        )),
     }
 }
 

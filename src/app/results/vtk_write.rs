@@ -166,7 +166,9 @@ fn write_arrays(writer: &mut Writer<impl Write>, element: &str, arrays: &[Array<
 fn write_array(writer: &mut Writer<impl Write>, array: &Array<'_>) -> io::Result<()> {
     let (kind, size) = array.numbers.kind();
     let components = array.components.to_string();
-    let attributes = [("type", kind), ("Name", array.name), ("NumberOfComponents", &components), ("format", "binary")];
+    // Some readers in Python make a table of one column of scalars whose number of components is given.
+    let count = (array.components > 1).then_some(("NumberOfComponents", components.as_str()));
+    let attributes = [("type", kind), ("Name", array.name)].into_iter().chain(count).chain([("format", "binary")]);
     let tag = writer.create_element("DataArray").with_attributes(attributes);
     tag.write_inner_content(|writer| {
         let (blocks, bytes) = (array.numbers.compressed()?, array.numbers.len() * size);

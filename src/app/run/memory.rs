@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::app::case::Case;
+use crate::app::case::{Case, NODAL, components};
 use crate::fem::mesh::Mesh;
 use crate::fem::stepping::LinearSystem;
 use crate::fiber::rve::RveModel;
@@ -30,16 +30,19 @@ pub struct MemoryForecast {
     pub fallback: usize,
 }
 
-/// Bytes of the program with the default features before it reads a case, and what the allocator holds for each thread.
-const PROGRAM: usize = 12_000_000;
+/// Bytes of the program with the default features before it reads a case (12 MB), and what the allocator holds.
+const PROGRAM: usize = 20_000_000;
 
 /// Bytes for each entry of the matrix: its value, its column, positions of the entries of elements; with multigrid also those
 /// of the coarse levels. These figures and the following ones are least-squares fits to the peaks of 30 boxes of tetrahedra
-/// and hexahedra of order 1 and 2, with 5 600 to 200 000 unknowns; the worst deviates by 4 %.
+/// and hexahedra of order 1 and 2 with 5 600 to 200 000 unknowns and definite matrices. The worst deviates by 4 % if the size of
+/// the program is another unknown of the fit; `docs/speed.md` says how good the forecast is.
 const ENTRY: f64 = 22.0;
 const ENTRY_WITH_MULTIGRID: f64 = 32.0;
 /// Bytes for each unknown: vectors of multigrid and of the Krylov method.
 const UNKNOWN_WITH_MULTIGRID: f64 = 770.0;
+/// The most unknowns for which a forecast computes an order of elimination: that takes about 2 s on one core then.
+const MOST_ORDERED: usize = 200_000;
 /// Bytes for each entry of a factor, with explicit zeros and the analysis.
 const FACTOR_ENTRY: f64 = 8.0 * 1.35;
 
@@ -84,10 +87,14 @@ impl MemoryForecast {
     }
 }
 
-/// Returns the number of entries of the factor of a direct solver. An unsymmetric matrix has two factors.
+/// Returns the number of entries of the factor of a direct solver. An unsymmetric matrix has two factors, which pivoting may
+/// fill more than this.
 fn factor_entries(pattern: &Sparsity, system: &LinearSystem) -> f64 {
     let factors = if system.solver.symmetry == Symmetry::None { 2.0 } else { 1.0 };
-    factors * cholesky_entries(pattern).unwrap_or_else(|| (pattern.rows() as f64 * system.operations).sqrt())
+    let unknowns = pattern.rows();
+    let exact = (unknowns <= MOST_ORDERED).then(|| cholesky_entries(pattern)).flatten();
+    // As in a band of constant width: in boxes of linear tetrahedra, 1.1 to 1.3 times the exact number, and more for others.
+    factors * exact.unwrap_or_else(|| (unknowns as f64 * system.operations).sqrt())
 }
 
 /// Returns the number of entries of a Cholesky factor, if an order of elimination is found.
@@ -117,8 +124,15 @@ fn of_fields(case: &Case, mesh: &Mesh) -> usize {
     let at_points = numbers + if case.output.points { OF_POINTS } else { 0 };
     // The fields of elements with one point are those of the points.
     let in_elements = if whole.points > whole.elements { numbers } else { 0 };
-    let nodes = mesh.elements().iter().map(<[u32]>::len).sum::<usize>();
-    size_of::<f64>() * (at_points * whole.points + (in_elements + 9) * whole.elements + nodes)
+    // The fields on request follow from others; a mean is in a table of all means and in an array of its own.
+    let names = case.fields();
+    let (means, fields): (Vec<&str>, Vec<&str>) = names.into_iter().partition(|name| name.starts_with(NODAL));
+    let derived = fields.iter().filter(|name| name.starts_with("principal") || name.starts_with("green"));
+    let derived: usize = derived.map(|name| components(name)).sum();
+    let at_nodes = 2 * means.iter().map(|name| components(name)).sum::<usize>();
+    let connectivity = mesh.elements().iter().map(<[u32]>::len).sum::<usize>();
+    let of_elements = (in_elements + derived + 9) * whole.elements + connectivity;
+    size_of::<f64>() * (at_points * whole.points + of_elements + at_nodes * whole.nodes)
 }
 
 fn of_networks<B: RealBackend>(library: &Library<B>, threads: usize) -> usize {

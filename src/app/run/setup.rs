@@ -251,7 +251,7 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
         &self.ranges
     }
 
-    /// Returns the sizes of the tractions, pressures and body forces relative to the stiffness of their materials.
+    /// Returns the sizes of the tractions, pressures, point forces and body forces relative to the stiffness of their materials.
     pub fn load_sizes(&self) -> &[LoadSize] {
         &self.load_sizes
     }

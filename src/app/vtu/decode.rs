@@ -156,8 +156,7 @@ impl Encoding {
         of.parse_bytes(&self.bytes(source)?, self.is_big_endian)
     }
 
-    /// Returns the bytes of an array in binary.
-    pub fn bytes(self, source: Source<'_>) -> Result<Vec<u8>, String> {
+    fn bytes(self, source: Source<'_>) -> Result<Vec<u8>, String> {
         if self.is_compressed { self.decompressed(source) } else { self.plain(source) }
     }
 

@@ -159,7 +159,7 @@ struct Reader<'a> {
 impl Reader<'_> {
     fn read(mut self) -> Result<Grid, InputError> {
         let mut reader = quick_xml::Reader::from_str(self.text);
-        let (mut line, mut counted) = (1, 0);
+        let (mut line, mut counted, mut is_complete) = (1, 0, false);
         let (mut section, mut open) = (None, None::<(Tag, String)>);
         // Depth of elements within an array, such as the ranges that VTK writes there.
         let mut nested = 0_usize;
@@ -191,6 +191,7 @@ impl Reader<'_> {
                 }
                 Event::End(tag) => match tag.name().as_ref() {
                     "DataArray" => self.close(&mut open, section)?,
+                    "VTKFile" => is_complete = true,
                     element if self.content.section(element).is_some() => section = None,
                     _ => {}
                 },
@@ -200,6 +201,10 @@ impl Reader<'_> {
             if is_empty {
                 self.close(&mut open, section)?;
             }
+        }
+        // Appended data is cut off with the tag that ends the file.
+        if !is_complete && self.encoding.is_some() && self.appended.is_none() {
+            return Err(self.error(line, "the file ends before </VTKFile>"));
         }
         self.grid()
     }
@@ -236,7 +241,9 @@ impl Reader<'_> {
 
     fn piece(&mut self, line: usize, tag: &BytesStart<'_>) -> Result<(), InputError> {
         let count = |name: &str| {
-            let text = self.value(line, tag, name)?.unwrap_or_default();
+            let text = self.value(line, tag, name)?;
+            // `vtkio` omits the number of lines if there are none.
+            let text = text.unwrap_or(if self.content == Content::Lines { "0".into() } else { String::new() });
             text.trim()
                 .parse::<usize>()
                 .map_err(|_| self.error(line, format!("`{name}` is `{}`, not a number", crate::input::excerpt(&text))))

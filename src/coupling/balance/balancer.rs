@@ -7,7 +7,7 @@ use super::loads::Loads;
 use super::plan::{MigrationPlan, Moves};
 use super::planner::{Planner, plan};
 use super::trigger::{Estimate, Trigger, TriggerParams};
-use crate::las::{Comm, Message};
+use crate::las::Comm;
 
 /// Decides when the units of one scale move, by a [`Trigger`] that gets the times of the slowest rank: all ranks decide
 /// equally. The caller moves the units ([`migrate`](super::migrate)) and updates their couplings.
@@ -36,11 +36,10 @@ impl Balancer {
     /// # Errors
     /// Returns [`BalanceError`] if the communication fails.
     pub fn observe<C: Comm>(&mut self, scale: &C, seconds: f64) -> Result<(), BalanceError> {
-        let all = scale.gather_all(Message::of(&[seconds]))?;
-        // A rank whose message is damaged counts as idle, on all ranks alike.
-        let of_rank = |message: &Message| message.values::<f64>().and_then(|values| values.first().copied());
-        let all: Vec<f64> = all.iter().map(|message| of_rank(message).unwrap_or(0.0)).collect();
-        self.is_due |= self.trigger.observe(&all);
+        let mut sum = [seconds];
+        scale.sum(&mut sum)?;
+        let mean = sum[0] / scale.size() as f64;
+        self.is_due |= self.trigger.observe(slowest(scale, seconds)?, mean);
         Ok(())
     }
 

@@ -1,7 +1,7 @@
 //! When to balance.
 
 use super::error::BalanceError;
-use super::loads::{Loads, max_over_mean};
+use super::loads::Loads;
 use super::plan::MigrationPlan;
 
 /// Parameters of a [`Trigger`].
@@ -95,11 +95,11 @@ impl Trigger {
         }
     }
 
-    /// Records the seconds that a sweep took on each rank; returns true if a migration is due. If its plan is not carried
-    /// out, the next one is due after as many unbalanced sweeps.
-    pub fn observe(&mut self, seconds: &[f64]) -> bool {
-        let max_over_mean = max_over_mean(seconds);
-        self.sweep_seconds = seconds.iter().copied().fold(0.0, f64::max);
+    /// Records the seconds that a sweep took on the slowest rank, and on the mean of all; returns true if a migration is due.
+    /// If its plan is not carried out, the next one is due after as many unbalanced sweeps.
+    pub fn observe(&mut self, slowest: f64, mean: f64) -> bool {
+        let max_over_mean = if mean > 0.0 { slowest / mean } else { 1.0 };
+        self.sweep_seconds = slowest;
         if let Some([before, after]) = self.expected.take()
             && before > after
         {
@@ -263,9 +263,9 @@ mod tests {
         assert_eq!(due, [false, false, false, false, false, true, false, false, true]);
     }
 
-    /// A sweep of two ranks with this max/mean, in which the slowest one takes a second.
+    /// A sweep with this max/mean, in which the slowest rank takes a second.
     fn observe(trigger: &mut Trigger, max_over_mean: f64) -> bool {
-        trigger.observe(&[1.0, 2.0 / max_over_mean - 1.0])
+        trigger.observe(1.0, 1.0 / max_over_mean)
     }
 
     fn patient() -> TriggerParams {
@@ -293,15 +293,15 @@ mod tests {
         let (loads, plan) = unbalanced();
         let mut trigger = Trigger::new(TriggerParams { horizon: 6.0, ..TriggerParams::default() });
         // From 30 to 20: a third of six sweeps.
-        trigger.observe(&[0.3, 0.1]);
+        trigger.observe(0.3, 0.2);
         let estimate = trigger.estimate(&loads, &plan).unwrap();
         assert!((estimate.gain - 0.6).abs() < 1e-12 && (estimate.cost - 0.01).abs() < 1e-9, "{estimate:?}");
         assert_eq!(trigger.accept(&loads, &plan, 0.0).unwrap(), Some(estimate));
         assert_eq!(trigger.accept(&loads, &MigrationPlan::new(2), 0.0).unwrap(), None, "nothing moves");
-        trigger.observe(&[0.004, 0.001]);
+        trigger.observe(0.004, 0.0025);
         assert_eq!(trigger.accept(&loads, &plan, 0.0).unwrap(), None);
         // Migrations turn out to take a second.
-        trigger.observe(&[0.3, 0.1]);
+        trigger.observe(0.3, 0.2);
         (0..6).for_each(|_| trigger.migrated(&loads, &plan, &estimate, 1.0));
         assert_eq!(trigger.accept(&loads, &plan, 0.0).unwrap(), None);
     }
@@ -311,11 +311,11 @@ mod tests {
         let (loads, plan) = unbalanced();
         let mut trigger = Trigger::new(TriggerParams::default());
         // Ten sweeps of a millisecond that are a third too long: at most 3.3 ms.
-        let short = [1e-3, 1e-3 / 3.0];
-        assert!(trigger.observe(&short), "the cost of planning is not known yet");
+        let short = |trigger: &mut Trigger| trigger.observe(1e-3, 2e-3 / 3.0);
+        assert!(short(&mut trigger), "the cost of planning is not known yet");
         assert_eq!(trigger.accept(&loads, &plan, 4e-3).unwrap(), None);
-        assert!((0..100).all(|_| !trigger.observe(&short)));
-        assert!(trigger.observe(&[1e-2, 1e-2 / 3.0]), "longer sweeps save more");
+        assert!((0..100).all(|_| !short(&mut trigger)));
+        assert!(trigger.observe(1e-2, 2e-2 / 3.0), "longer sweeps save more");
     }
 
     #[test]
@@ -325,7 +325,7 @@ mod tests {
         let mut plans = 0;
         // A plan may save 3.3 s, and costs 0.1 s.
         for _ in 0..200 {
-            if trigger.observe(&[1.0, 1.0 / 3.0]) {
+            if trigger.observe(1.0, 2.0 / 3.0) {
                 plans += 1;
                 assert_eq!(trigger.accept(&loads, &nothing, 0.1).unwrap(), None);
             }

@@ -1,6 +1,5 @@
-//! The default implementations of the collectives. `broadcast`, `gather`, `gather_all` and `barrier` send messages
-//! along a binary tree, whose depth grows logarithmically with the number of ranks; `reduce` and `agree` use the
-//! collectives of the communicator.
+//! The default implementations of the collectives. All but `agree`, which uses the collectives of the communicator, send
+//! messages along a tree, whose depth grows logarithmically with the number of ranks.
 
 use std::fmt::Display;
 
@@ -55,7 +54,9 @@ pub(crate) fn barrier<C: Comm>(comm: &C) -> Result<(), CommError> {
     broadcast(comm, 0, Message::new()).map(drop)
 }
 
-/// Reduces in the order of the ranks on rank 0 and broadcasts the result, so that all ranks get the same values.
+/// Reduces on rank 0 and broadcasts the result, so that all ranks get the same values. First every second rank takes the
+/// values of its successor, then every fourth rank those of the rank two further, and so on: the same order on every
+/// communicator, while no rank receives more than one message per level.
 pub(super) fn reduce<C: Comm>(
     comm: &C,
     values: &mut [f64],
@@ -66,10 +67,19 @@ pub(super) fn reduce<C: Comm>(
         Some(found) if message.len() == expected => Ok(found.to_vec()),
         _ => Err(CommError::Size { from, found: message.len(), expected }),
     };
-    let all = comm.gather(0, Message::of(values))?;
+    let (rank, size) = (comm.rank(), comm.size());
     let mut reduced = values.to_vec();
-    for (from, message) in all.iter().flatten().enumerate().skip(1) {
-        reduced.iter_mut().zip(values_of(message, from)?).for_each(|(reduced, value)| combine(reduced, value));
+    let distances = std::iter::successors(Some(1_usize), |distance| distance.checked_mul(2));
+    for distance in distances.take_while(|&distance| distance < size) {
+        if !rank.is_multiple_of(2 * distance) {
+            comm.send(rank - distance, Tag::COLLECTIVE, Message::of(&reduced))?;
+            break;
+        }
+        let from = rank + distance;
+        if from < size {
+            let message = comm.receive(from, Tag::COLLECTIVE)?;
+            reduced.iter_mut().zip(values_of(&message, from)?).for_each(|(reduced, value)| combine(reduced, value));
+        }
     }
     values.copy_from_slice(&values_of(&comm.broadcast(0, Message::of(&reduced))?, 0)?);
     Ok(())

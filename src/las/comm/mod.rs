@@ -255,7 +255,8 @@ pub trait Comm: Clone + Send + 'static {
         collectives::gather_all(self, message)
     }
 
-    /// Replaces each entry by its sum over all ranks, added in the order of the ranks. Collective.
+    /// Replaces each entry by its sum over all ranks, added along a tree that depends on nothing but the number of ranks.
+    /// Collective.
     ///
     /// # Errors
     /// Returns [`CommError`] if the communication fails.

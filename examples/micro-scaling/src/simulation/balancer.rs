@@ -150,30 +150,39 @@ impl<'a> Balancer<'a> {
             run.totals.observing += machine.gather_all(*ranks, 16 * weights.len() as u64) + machine.core * seconds;
         }
         let sums = self.learn(run);
-        let bytes = 8 * sums as u64;
-        run.totals.observing += machine.core * local.record
-            + machine.gather_all(*ranks, bytes * *ranks as u64)
-            + machine.tree(*ranks, bytes)
-            + machine.gather_all(*ranks, 8 * *ranks as u64);
-        self.is_due |= self.trigger.observe(busy);
+        // The sums of the predictor, then the sum and the maximum of the seconds.
+        let of_values = |values: usize| machine.reduce(*ranks, 8 * values as u64);
+        run.totals.observing += machine.core * local.record + of_values(sums) + 2.0 * of_values(1);
+        let sum = sum_over_ranks(busy.iter().map(|&seconds| vec![seconds]).collect());
+        let slowest = busy.iter().copied().fold(0.0, f64::max);
+        self.is_due |= self.trigger.observe(slowest, sum[0] / *ranks as f64);
     }
 
-    /// Learns on every rank, and adds the sums in the order of the ranks as `Comm::sum` does; returns their number.
+    /// Learns on every rank, and adds the sums as `Comm::sum` does; returns their number.
     fn learn(&mut self, run: &Run) -> usize {
-        let mut sums: Vec<f64> = Vec::new();
+        let mut of_ranks: Vec<Vec<f64>> = Vec::new();
         for units in run.placement.iter() {
             let existing =
                 units.iter().filter_map(|&unit| Some((run.histories[unit as usize], run.cost(unit as usize)?)));
             let (histories, costs): (Vec<CostHistory>, Vec<Cost>) = existing.unzip();
             self.predictor.learn(&histories, &costs);
-            let own = self.predictor.take_sums();
-            if sums.is_empty() {
-                sums = own;
-            } else {
-                sums.iter_mut().zip(own).for_each(|(sum, value)| *sum += value);
-            }
+            of_ranks.push(self.predictor.take_sums());
         }
+        let sums = sum_over_ranks(of_ranks);
         self.predictor.add_sums(&sums);
         sums.len()
     }
+}
+
+/// Adds the values of all ranks along the tree of `Comm::sum`.
+fn sum_over_ranks(mut values: Vec<Vec<f64>>) -> Vec<f64> {
+    let mut distance = 1;
+    while distance < values.len() {
+        for rank in (0..values.len() - distance).step_by(2 * distance) {
+            let other = std::mem::take(&mut values[rank + distance]);
+            values[rank].iter_mut().zip(other).for_each(|(sum, value)| *sum += value);
+        }
+        distance *= 2;
+    }
+    values.into_iter().next().unwrap_or_default()
 }

@@ -164,7 +164,9 @@ fn on_threads(case: &Case, scheme: Scheme) -> Vec<Vec<f64>> {
             balance::record(&comm, &mut predictor, &mut histories, &costs)?;
             let all = comm.gather_all(Message::of(&[busy]))?;
             let all: Vec<f64> = all.iter().map(|message| message.values::<f64>().unwrap()[0]).collect();
-            is_due = trigger.observe(&all);
+            let (mut sum, slowest) = ([busy], all.iter().copied().fold(0.0, f64::max));
+            comm.sum(&mut sum)?;
+            is_due = trigger.observe(slowest, sum[0] / comm.size() as f64);
             sweeps.push(all);
         }
         Ok(sweeps)
