@@ -36,7 +36,7 @@ pub struct ReportCommand {
     /// Look from this direction, from the body to the viewer, with z upward [example: 1,-2,1]
     #[arg(long, value_name = "X,Y,Z", value_parser = numbers::<3>, allow_hyphen_values = true, conflicts_with = "axis")]
     view: Option<[f64; 3]>,
-    /// Values at the ends of the colors of the picture, in the SI unit of the field [default: those of the elements drawn]
+    /// Values at the ends of the colors of the picture, in the SI unit of the field [default: the least and the greatest that are drawn]
     #[arg(long, value_name = "LOW,HIGH", value_parser = numbers::<2>, allow_hyphen_values = true)]
     range: Option<[f64; 2]>,
     /// Write the page to this file [default: DIR/report.html]

@@ -16,12 +16,14 @@ pub(super) fn title(svg: &mut Svg, title: &str, state: &str) {
     svg.title([28.0, 60.0], 14.0, SOFT, state);
 }
 
-/// Draws the color bar with its ticks; its right end is at `right`.
-pub(super) fn color_bar(svg: &mut Svg, colors: &Colors, [right, top]: [f64; 2]) {
+/// Draws the color bar with its ticks; its right end is at `right`, and its left end not left of `least`.
+pub(super) fn color_bar(svg: &mut Svg, colors: &Colors, least: f64, [right, top]: [f64; 2]) {
     const WIDTH: f64 = 320.0;
+    const LEAST_WIDTH: f64 = 160.0;
     const HEIGHT: f64 = 12.0;
     const STOPS: u8 = 20;
-    let left = right - WIDTH;
+    let left = (right - WIDTH).max(least).min(right - LEAST_WIDTH);
+    let width = right - left;
     let (low, high) = colors.range;
     let (power, prefix) = if colors.quantity.unit.is_empty() { (1.0, "") } else { prefix(low.abs().max(high.abs())) };
     let unit = format!("{prefix}{}", colors.quantity.unit);
@@ -31,10 +33,10 @@ pub(super) fn color_bar(svg: &mut Svg, colors: &Colors, [right, top]: [f64; 2]) 
     };
     svg.text([left, top - 8.0], 13.0, Anchor::Start, INK, &label);
     svg.gradient("map", (0..=STOPS).map(|k| colors.at(low + f64::from(k) / f64::from(STOPS) * (high - low))));
-    svg.rectangle([left, top, WIDTH, HEIGHT], "fill=\"url(#map)\"");
+    svg.rectangle([left, top, width, HEIGHT], "fill=\"url(#map)\"");
     let ticks = ticks(low / power, high / power, 5);
     for &tick in &ticks {
-        let x = left + WIDTH * (tick * power - low) / (high - low);
+        let x = left + width * (tick * power - low) / (high - low);
         svg.path(&[[x, top + HEIGHT], [x, top + HEIGHT + 4.0]], false, "stroke=\"#1b2733\"");
         svg.text([x, top + HEIGHT + 17.0], 12.0, Anchor::Middle, INK, &tick_label(tick, &ticks));
     }
@@ -79,14 +81,20 @@ pub(super) fn axes(svg: &mut Svg, view: &View, [x, y]: [f64; 2]) {
     }
 }
 
-/// Draws the legend of the outline and the fiber lines.
-pub(super) fn lines(svg: &mut Svg, [left, baseline]: [f64; 2], with_fibers: Option<&str>) {
+/// Draws the legend of the outline and the fiber lines, and returns the position of its right end.
+pub(super) fn lines(svg: &mut Svg, [left, baseline]: [f64; 2], with_fibers: Option<&str>) -> f64 {
+    const OUTLINED: &str = "undeformed";
+    /// About the width of a letter, and the distance to what follows.
+    const LETTER: f64 = 6.2;
+    const GAP: f64 = 24.0;
     let sample = |row: f64| [[left, baseline - 4.0 - row], [left + 26.0, baseline - 4.0 - row]];
     let at = |row: f64| [left + 34.0, baseline - row];
     svg.path(&sample(0.0), false, OUTLINE);
-    svg.text(at(0.0), 12.0, Anchor::Start, INK, "undeformed");
+    svg.text(at(0.0), 12.0, Anchor::Start, INK, OUTLINED);
     if let Some(meaning) = with_fibers {
         fibers(svg, &[sample(19.0)]);
         svg.text(at(19.0), 12.0, Anchor::Start, INK, meaning);
     }
+    let letters = OUTLINED.len().max(with_fibers.map_or(0, str::len));
+    at(0.0)[0] + LETTER * letters as f64 + GAP
 }

@@ -94,12 +94,11 @@ enum Map {
 }
 
 impl Colors {
-    /// Takes the range of colors from the values of the elements that are drawn.
-    fn new(quantity: Quantity, drawn: &[usize]) -> Self {
-        let values: Vec<f64> = drawn.iter().filter_map(|&element| quantity.values.get(element).copied()).collect();
-        let finite = values.iter().copied().filter(|value| value.is_finite());
+    /// Takes the range of colors from the values that are drawn.
+    fn new(quantity: Quantity, drawn: &[f64]) -> Self {
+        let finite = drawn.iter().copied().filter(|value| value.is_finite());
         let extremes = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), value| (a.min(value), b.max(value)));
-        Self { quantity, range: color::range(&values), extremes, is_trimmed: true, map: Map::Faces }
+        Self { quantity, range: color::range(drawn), extremes, is_trimmed: true, map: Map::Faces }
     }
 
     /// Uses this range of values instead.
@@ -172,9 +171,12 @@ fn compose(title: &str, state: &str, fields: &Fields, quantity: Option<Quantity>
     let width = (width - scene.frame.unused_width.floor()).max(legend.min(width));
     scene.fit(room([width, height]));
     let seen = body::visible_elements(&scene);
-    let colors = quantity.map(|quantity| Colors::new(quantity, &seen).within(options.range));
-    let averages = colors.as_ref().filter(|colors| !colors.quantity.is_integer);
-    let averages = averages.map(|colors| NodalAverages::of(fields, &colors.quantity.values));
+    let averages = quantity.as_ref().filter(|quantity| !quantity.is_integer);
+    let averages = averages.map(|quantity| NodalAverages::of(fields, &quantity.values));
+    let colors = quantity.map(|quantity| {
+        let drawn = drawn_values(&quantity, averages.as_ref(), &seen, fields);
+        Colors::new(quantity, &drawn).within(options.range)
+    });
 
     let mut svg = Svg::new(width, height, &format!("{title}: the deformed body, {state}"));
     legend::title(&mut svg, title, state);
@@ -194,11 +196,28 @@ fn compose(title: &str, state: &str, fields: &Fields, quantity: Option<Quantity>
         Some(_) => "mean fiber direction, longer where aligned",
         None => "mean fiber direction",
     });
-    legend::lines(&mut svg, [right + 36.0, bottom], meaning);
+    let right = legend::lines(&mut svg, [right + 36.0, bottom], meaning);
     if let Some(colors) = &colors {
-        legend::color_bar(&mut svg, colors, [width - 36.0, bottom - 24.0]);
+        legend::color_bar(&mut svg, colors, right, [width - 36.0, bottom - 24.0]);
     }
     svg.finish()
+}
+
+/// Returns the values that colors stand for: the averages at the nodes of these elements, or the values of the elements.
+fn drawn_values(
+    quantity: &Quantity,
+    averages: Option<&NodalAverages>,
+    elements: &[usize],
+    fields: &Fields,
+) -> Vec<f64> {
+    match averages {
+        None => elements.iter().filter_map(|&element| quantity.values.get(element).copied()).collect(),
+        Some(averages) => {
+            let of_element =
+                |&element: &usize| fields.elements[element].iter().map(move |&node| averages.at(node, element));
+            elements.iter().flat_map(of_element).collect()
+        }
+    }
 }
 
 fn scene(fields: &Fields, options: &PictureOptions) -> Scene {
@@ -270,7 +289,7 @@ mod tests {
     fn colors_follow_the_field_of_the_element() {
         let fields = cube();
         let quantity = Quantity::find(&fields, Some("energy_density")).unwrap().unwrap();
-        let colors = Colors::new(quantity, &[10, 20, 30]);
+        let colors = Colors::new(quantity, &[10.0, 20.0, 30.0]);
         assert_eq!((colors.range, colors.extremes), ((10.0, 30.0), (10.0, 30.0)));
         assert_eq!([10, 20, 30].map(|e| colors.of(e)), [0.0, 0.5, 1.0].map(color::viridis));
         assert!(Quantity::find(&Fields::default(), None).unwrap().is_none());

@@ -120,7 +120,7 @@ pub fn draw_network(picture: &NetworkPicture) -> String {
         );
     }
     if let Some(colors) = &colors {
-        legend::color_bar(&mut svg, colors, [width - 36.0, bottom - 24.0]);
+        legend::color_bar(&mut svg, colors, 0.0, [width - 36.0, bottom - 24.0]);
     }
     svg.finish()
 }

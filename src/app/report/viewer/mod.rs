@@ -208,8 +208,8 @@ fn glyphs(last: &Fields, body: &Body) -> Vec<u32> {
 /// Returns the captions of the body and of the networks, which say what was left out.
 fn notes(directory: &Directory, body: &Body, steps: &Steps, networks: &NetworkPage, last: &Fields) -> [String; 2] {
     let mut note = String::from(
-        "Drag to turn, click and use the wheel to zoom, shift and drag to move. Displacements are not exaggerated. Colors are \
-         averages at the nodes, within each region.",
+        "Drag to turn, click and use the wheel to zoom, shift and drag to move. Displacements are not exaggerated. Colors of \
+         stresses, strains and stretches are averages at the nodes, within each region.",
     );
     if let Some(before) = body.reduced_from {
         let after = body.triangles.len();
