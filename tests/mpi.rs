@@ -36,7 +36,7 @@ const CHECKS: &[Check] = &[
     ("collectives", ranks::collective_operations_give_the_same_result_on_all_ranks),
     ("groups", ranks::groups_do_not_receive_messages_of_each_other),
     ("agree", ranks::all_ranks_agree_on_the_failure_of_one),
-    ("sums", ranks::sums_are_in_the_order_of_the_ranks),
+    ("sums", ranks::sums_are_along_a_fixed_tree),
     ("time_out_of_receive", ranks::a_time_out_of_receive_names_the_sender),
     ("time_out_of_gather", ranks::a_time_out_of_gather_names_the_missing_rank),
     ("late_messages", ranks::messages_of_abandoned_receives_do_not_arrive_elsewhere),

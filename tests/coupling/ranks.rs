@@ -42,8 +42,8 @@ fn a_time_out_of_receive_names_the_sender() {
 }
 
 #[test]
-fn sums_are_in_the_order_of_the_ranks() {
-    on_all(ranks::sums_are_in_the_order_of_the_ranks);
+fn sums_are_along_a_fixed_tree() {
+    on_all(ranks::sums_are_along_a_fixed_tree);
 }
 
 #[test]

@@ -2,7 +2,7 @@
 //!
 //! A communication backend implements point-to-point messages, `split` and `duplicate` of [`Comm`]. The collectives
 //! (`barrier`, `broadcast`, `gather`, `gather_all`) have default implementations by point-to-point messages, which a
-//! backend overrides if its library has its own. Sums are taken in the order of the ranks, so that they are bitwise
+//! backend overrides if its library has its own. Sums are taken along a fixed tree of the ranks, so that they are bitwise
 //! reproducible.
 //!
 //! If a rank fails, all other ranks end too: if the ranks are threads, their calls return [`CommError::Ended`] with the
