@@ -272,7 +272,7 @@ mod tests {
         let fields = cube();
         let mut scene = scene(&fields, &PictureOptions::default());
         scene.fit([0.0, 0.0, 100.0, 100.0]);
-        let colors = Colors::new(Quantity::find(&fields, None).unwrap().unwrap(), &[0, 1]);
+        let colors = Colors::new(Quantity::find(&fields, None).unwrap().unwrap(), &[0.0, 1.0]);
         let mut svg = Svg::new(100.0, 100.0, "");
         faces::draw(&mut svg, &scene, Some(&colors), None);
         assert_eq!(svg.finish().matches("z\" fill=").count(), 3 * 8);

@@ -128,10 +128,9 @@ pub fn draw_network(picture: &NetworkPicture) -> String {
 /// Assigns colors to the values of the fibers; `None` if the color does not show values.
 fn colors(color: FiberColor) -> Option<Colors> {
     let FiberColor::Values { label, unit, values, rest } = color else { return None };
-    let all: Vec<usize> = (0..values.len()).collect();
     let mut colors = Colors::new(
         Quantity { name: label.into(), label: label.into(), unit, is_integer: false, values: values.into() },
-        &all,
+        values,
     );
     colors.map = Map::Lines;
     if let Some(rest) = rest {
