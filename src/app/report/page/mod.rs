@@ -59,7 +59,7 @@ pub fn page(dir: &Path, options: &PictureOptions) -> Result<String, ReportError>
     match draw_from(&directory, options) {
         Ok(picture) => match &run.last_fields {
             Some(fields) => html.push_str(&viewer::html(&directory, fields, options, &picture)?),
-            None => html.push_str(&format!("<figure class=\"wide\">{picture}</figure>\n")),
+            None => html.push_str(&format!("<figure>{picture}</figure>\n")),
         },
         // Without fields there is no picture, but a requested step or field must exist.
         Err(ReportError::NoFields { .. }) => {}
@@ -265,9 +265,18 @@ fn table(directory: &Directory, run: &Run) -> String {
         head.extend(["Newton iterations", "relative residual", "cuts", "seconds"].map(str::to_owned));
     }
     if with_rves {
-        head.extend(["RVE solves", "mean RVE iterations", "median", "95 %", "largest"].map(str::to_owned));
+        head.extend(
+            [
+                "RVE solves",
+                "RVE iterations: mean",
+                "RVE iterations: median",
+                "RVE iterations: 95th percentile",
+                "RVE iterations: largest",
+            ]
+            .map(str::to_owned),
+        );
     }
-    let mut html = String::from("<h2>Load steps</h2>\n<div class=\"scroll\"><table><thead><tr>");
+    let mut html = String::from("<h2>Load steps</h2>\n<div class=\"scroll wide\"><table><thead><tr>");
     for column in head {
         let _ = write!(html, "<th>{}</th>", escape(&column));
     }

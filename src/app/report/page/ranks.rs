@@ -121,7 +121,7 @@ pub(super) fn table(directory: &Directory) -> String {
         "seconds balancing",
         "skill",
     ];
-    let mut html = format!("<p>{}</p>\n<div class=\"scroll\"><table class=\"words\"><thead><tr>", escape(TABLE));
+    let mut html = format!("<p>{}</p>\n<div class=\"scroll wide\"><table class=\"words\"><thead><tr>", escape(TABLE));
     columns.iter().for_each(|column| html.push_str(&format!("<th>{column}</th>")));
     html.push_str("</tr></thead>\n<tbody>\n");
     steps.iter().for_each(|(step, scales)| html.push_str(&row(&step.to_string(), scales)));

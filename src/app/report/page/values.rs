@@ -38,20 +38,24 @@ pub(super) fn table(run: &Run) -> String {
         if let Some(Statistics(numbers)) = Statistics::of(&values).filter(|_| is_counted) {
             let (count, all) = (values.iter().filter(|value| value.is_finite()).count(), fields.elements.len());
             let of_part = if count < all { format!(" ({count} of {all} elements)") } else { String::new() };
-            of_quantities.push((quantity.label, of_part, quantity.unit, numbers));
+            of_quantities.push((quantity.label, of_part, quantity.unit, quantity.is_integer, numbers));
         }
     }
     // All quantities of one unit get the same prefix.
     let scale_of = |unit: &str| {
-        let numbers = of_quantities.iter().filter(|(_, _, other, _)| *other == unit).flat_map(|(.., numbers)| numbers);
+        let numbers = of_quantities.iter().filter(|(_, _, other, ..)| *other == unit).flat_map(|(.., numbers)| numbers);
         let largest = numbers.map(|number| number.abs()).fold(0.0, f64::max);
         if unit.is_empty() { (1.0, "") } else { prefix(largest) }
     };
     let mut rows = String::new();
-    for (label, of_part, unit, numbers) in &of_quantities {
+    for (label, of_part, unit, is_integer, numbers) in &of_quantities {
         let (power, prefix) = scale_of(unit);
         let label = if unit.is_empty() { label.clone() } else { format!("{label} in {prefix}{unit}") };
-        let cells = numbers.map(|number| significant(number / power)).join("</td><td>");
+        let text = |number: f64| match *is_integer && number.fract() == 0.0 {
+            true => format!("{number:.0}"),
+            false => significant(number / power),
+        };
+        let cells = numbers.map(text).join("</td><td>");
         let _ = writeln!(rows, "<tr><td class=\"text\">{}</td><td>{cells}</td></tr>", escape(&(label + of_part)));
     }
     if rows.is_empty() {
@@ -59,7 +63,7 @@ pub(super) fn table(run: &Run) -> String {
     }
     let of = entry.step().map_or_else(|| "within a step".to_owned(), |step| format!("at step {step}"));
     format!(
-        "<h2>Values of the elements {of}</h2>\n<div class=\"scroll\"><table class=\"values\"><thead><tr><th></th>\
+        "<h2>Values of the elements {of}</h2>\n<div class=\"scroll wide\"><table class=\"values\"><thead><tr><th></th>\
          <th>smallest</th><th>median</th><th>mean</th><th>95th percentile</th><th>largest</th></tr></thead>\n<tbody>\n\
          {rows}</tbody></table></div>\n"
     )

@@ -98,3 +98,29 @@ pub(super) fn lines(svg: &mut Svg, [left, baseline]: [f64; 2], with_fibers: Opti
     let letters = OUTLINED.len().max(with_fibers.map_or(0, str::len));
     at(0.0)[0] + LETTER * letters as f64 + GAP
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::app::report::quantity::Quantity;
+    use crate::app::results::Fields;
+
+    #[test]
+    fn the_color_bar_leaves_the_legend_of_the_lines_its_room() {
+        let meaning = "mean fiber direction, longer where aligned";
+        let mut svg = Svg::new(600.0, 400.0, "");
+        let right = lines(&mut svg, [200.0, 370.0], Some(meaning));
+        // Letters of 12 pixels are 6.6 pixels wide on average in a wide font, DejaVu Sans.
+        assert!(right >= 234.0 + 6.6 * meaning.len() as f64, "{right}");
+
+        let fields = Fields { cell_scalars: vec![("energy_density".into(), vec![0.0, 1.0])], ..Fields::default() };
+        let colors = Colors::new(Quantity::find(&fields, None).unwrap().unwrap(), &[0.0, 1.0]);
+        for (least, left) in [(300.0, 480.0), (520.0, 520.0)] {
+            let mut svg = Svg::new(900.0, 400.0, "");
+            color_bar(&mut svg, &colors, least, [800.0, 340.0]);
+            let bar = format!("x=\"{left}\" y=\"340\"");
+            let drawn = svg.finish();
+            assert!(drawn.contains(&bar), "{bar}: {drawn}");
+        }
+    }
+}

@@ -27,7 +27,7 @@ const MOST_READ: u64 = 2 << 30;
 pub(super) struct Field {
     pub name: String,
     pub label: String,
-    /// The unit with its prefix.
+    /// The unit with its prefix, which is that of all fields of this unit.
     pub unit: String,
     /// The values are multiplied by this factor when they are displayed.
     pub factor: f64,
@@ -119,21 +119,33 @@ pub(super) fn collect(
         }
     }
     let displacement_range = color::range(&lengths.concat()).into();
-    let fields = series.into_iter().map(|(quantity, series)| field(quantity, &series)).collect();
+    let mut fields: Vec<Field> = series.into_iter().map(|(quantity, series)| field(quantity, &series)).collect();
+    share_prefixes(&mut fields);
     Ok(Steps { fields, steps, displacement_range, omitted })
 }
 
+/// Gives all fields of a unit the same prefix, that of the largest number at the end of a color map.
+fn share_prefixes(fields: &mut [Field]) {
+    let sizes: Vec<(String, f64)> =
+        fields.iter().map(|field| (field.unit.clone(), field.range[0].abs().max(field.range[1].abs()))).collect();
+    for field in fields.iter_mut().filter(|field| !field.unit.is_empty()) {
+        let of_unit = sizes.iter().filter(|(unit, _)| *unit == field.unit);
+        let (power, name) = prefix(of_unit.map(|(_, size)| *size).fold(0.0, f64::max));
+        (field.unit, field.factor) = (format!("{name}{}", field.unit), 1.0 / power);
+    }
+}
+
+/// Describes a quantity, in its unit without prefix.
 fn field(quantity: Quantity, series: &Series) -> Field {
     let values = series.of_step.concat();
     let finite = values.iter().copied().filter(|value| value.is_finite());
     let extremes = finite.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], value| [a.min(value), b.max(value)]);
     let (low, high) = color::range(&values);
-    let (power, prefix) = if quantity.unit.is_empty() { (1.0, "") } else { prefix(low.abs().max(high.abs())) };
     Field {
         name: quantity.name,
         label: quantity.label,
-        unit: if quantity.unit.is_empty() { String::new() } else { format!("{prefix}{}", quantity.unit) },
-        factor: 1.0 / power,
+        unit: quantity.unit.to_owned(),
+        factor: 1.0,
         of_elements: quantity.is_integer,
         range: [low, high],
         extremes: if extremes[0] <= extremes[1] { extremes } else { [low, high] },
@@ -229,6 +241,40 @@ mod tests {
         assert_eq!(evenly(9, 1), [8]);
         assert!(evenly(0, 4).is_empty());
         assert_eq!(*evenly(1000, 60).last().unwrap(), 999);
+    }
+
+    #[test]
+    fn fields_of_one_unit_have_the_same_prefix() {
+        let of = |name: &str, values: Vec<f64>| {
+            let quantity = Quantity::named(
+                &Fields { cell_scalars: vec![(name.into(), values.clone())], ..Fields::default() },
+                name,
+            );
+            field(quantity.unwrap(), &Series { of_step: vec![values] })
+        };
+        let mut fields = [
+            of("von_mises_stress", vec![0.0, 2e4]),
+            of("shear_stress", vec![-3.0, 1.0]),
+            of("fiber_alignment", vec![0.1, 0.2]),
+        ];
+        share_prefixes(&mut fields);
+        assert_eq!([0, 1, 2].map(|k| (&*fields[k].unit, fields[k].factor)), [("kPa", 1e-3), ("kPa", 1e-3), ("", 1.0)]);
+    }
+
+    #[test]
+    fn fiber_lines_have_the_same_length_for_the_same_alignment_in_all_steps() {
+        let step = |alignment: [f64; 3]| {
+            let fields = Fields {
+                cell_vectors: vec![("fiber_direction".into(), vec![[0.0, 1.0, 0.0]; 3])],
+                cell_scalars: vec![("fiber_alignment".into(), alignment.to_vec())],
+                ..Fields::default()
+            };
+            directions(&fields, &[0, 1, 2]).unwrap()
+        };
+        let lengths = |lengths: [i8; 3]| signed_bytes(lengths.into_iter().flat_map(|y| [0, y, 0]));
+        assert_eq!(step([0.0, 1.0 / 6.0, 2.0 / 3.0]), lengths([44, 86, 127]));
+        // The strongest alignment of this step is weak.
+        assert_eq!(step([0.0, 1.0 / 6.0, 0.0]), lengths([44, 86, 44]));
     }
 
     #[test]

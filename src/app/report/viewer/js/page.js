@@ -117,7 +117,7 @@ function startBody(networks) {
     element("high").value = text(high);
     const [least, most] = field.extremes.map((x) => x * field.factor);
     const isCut = least < low - 1e-6 * (high - low) || most > high + 1e-6 * (high - low);
-    element("bar-note").textContent = isCut ? `all steps: ${digits(least)} to ${digits(most)} ${field.unit}` : "the same colors at all steps";
+    element("bar-note").textContent = isCut ? `all steps: ${text(least)} to ${text(most)} ${field.unit}` : "the same colors at all steps";
     draw();
   };
   body.fields.forEach(({ label }, k) => fieldChoice.add(new Option(label, k)));
