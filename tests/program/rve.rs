@@ -72,7 +72,10 @@ fn the_json_object_has_the_documented_keys() {
         "tangent",
     ];
     assert_eq!(keys(&answer), documented);
-    assert_eq!(keys(&answer["network"]), ["boundary_nodes", "fibers", "free_dofs", "nodes", "total_length"]);
+    assert_eq!(
+        keys(&answer["network"]),
+        ["boundary_nodes", "cube_edge", "fibers", "free_dofs", "nodes", "total_length"]
+    );
     assert_eq!(keys(&answer["stretch"]), ["max", "min"]);
     assert_eq!(keys(&answer["orientation"]), ["current", "reference"]);
     assert_eq!(keys(&answer["seconds"]), ["analyze", "solve", "tangent"]);

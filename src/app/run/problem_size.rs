@@ -4,6 +4,7 @@ use serde::Serialize;
 
 use crate::app::case::Case;
 use crate::fem::mesh::Mesh;
+use crate::fiber::rve::StressScale;
 use crate::las::{Method, SolverChoice};
 use crate::tissue::micro_scale::TissueMaterial;
 
@@ -33,7 +34,7 @@ pub struct ProblemSize {
 }
 
 /// A model of the library: a network with its law and scale.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct NetworkSize {
     /// Its name.
     pub name: String,
@@ -41,6 +42,10 @@ pub struct NetworkSize {
     pub unknowns: usize,
     /// RVEs that use it.
     pub rves: usize,
+    /// The edge of its cube in the unit of its file, if the stresses are the forces of the unit cube: then they have to be
+    /// divided by its square.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub raw_edge: Option<f64>,
 }
 
 impl ProblemSize {
@@ -54,10 +59,12 @@ impl ProblemSize {
         choice: Option<&SolverChoice>,
     ) -> Self {
         let (models, counts) = (field.library().models(), field.rve_counts());
-        let networks = models.iter().zip(counts.per_model).map(|(model, rves)| NetworkSize {
+        let edges = field.library().cube_edges();
+        let networks = models.iter().zip(edges).zip(counts.per_model).map(|((model, &edge), rves)| NetworkSize {
             name: model.network().name().to_owned(),
             unknowns: model.unknowns(),
             rves,
+            raw_edge: (model.stress_scale() == StressScale::Raw).then_some(edge),
         });
         Self {
             elements: mesh.whole().elements,

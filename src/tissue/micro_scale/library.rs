@@ -50,6 +50,8 @@ pub enum LibraryError {
 pub struct Library<B: Backend> {
     pub(super) context: B::Context,
     pub(super) models: Vec<RveModel<B>>,
+    /// The edge of the cube in the file of the network, of each model.
+    edges: Vec<f64>,
     /// Every region with the models that its points choose from.
     regions: Vec<(Region, Vec<usize>)>,
     pub(super) params: EquilibriumParams,
@@ -105,6 +107,7 @@ impl<B: RealBackend> Library<B> {
         reader.read_networks(&regions)?;
         let with_models = |region: Region| reader.models_of(&region.material).map(|models| (region, models));
         let regions = regions.into_iter().map(with_models).collect::<Result<Vec<_>, _>>()?;
+        let edges = reader.sources.iter().map(|(path, ..)| reader.networks[path].1).collect();
         let Reader { models, warnings, .. } = reader;
         let mut params = EquilibriumParams::default();
         params.newton.tolerance = rve.tolerance;
@@ -114,7 +117,7 @@ impl<B: RealBackend> Library<B> {
         let batch_solvers = models.iter().map(|_| None).collect();
         // The factorization in lanes is a direct one.
         let lanes = rve.lanes && rve.solver == Method::Direct;
-        Ok((Self { context, models, regions, params, predict: rve.predictor, lanes, batch_solvers }, warnings))
+        Ok((Self { context, models, edges, regions, params, predict: rve.predictor, lanes, batch_solvers }, warnings))
     }
 
     /// The context of the backend that solves the RVEs.
@@ -181,6 +184,11 @@ impl<B: RealBackend> Library<B> {
     /// Returns the models in use: networks, each with its law and scale.
     pub fn models(&self) -> &[RveModel<B>] {
         &self.models
+    }
+
+    /// Returns the edge of the cube that the network of each model fills, in the unit of its file.
+    pub fn cube_edges(&self) -> &[f64] {
+        &self.edges
     }
 
     /// Returns the models that the points of a region choose from; empty for a formula or a matrix alone.
@@ -266,7 +274,8 @@ struct Reader<'a, B: Backend> {
     context: &'a B::Context,
     /// The parameters of the linear solver of every model.
     solver: SolverParams,
-    networks: HashMap<PathBuf, Arc<Network>>,
+    /// Each with the edge of its cube in the file.
+    networks: HashMap<PathBuf, (Arc<Network>, f64)>,
     models: Vec<RveModel<B>>,
     /// The network, law and scale of each model.
     sources: Vec<(PathBuf, Option<FiberMaterial>, StressScale)>,
@@ -308,13 +317,13 @@ impl<B: RealBackend> Reader<'_, B> {
     }
 
     fn network(&mut self, path: &PathBuf) -> Result<Arc<Network>, InputErrors> {
-        if let Some(network) = self.networks.get(path) {
+        if let Some((network, _)) = self.networks.get(path) {
             return Ok(Arc::clone(network));
         }
         let read = file::read(path)?;
         self.warnings.extend(read.warnings);
         let network = Arc::new(read.network);
-        self.networks.insert(path.clone(), Arc::clone(&network));
+        self.networks.insert(path.clone(), (Arc::clone(&network), read.cube.edges[0]));
         Ok(network)
     }
 }

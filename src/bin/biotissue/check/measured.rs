@@ -48,7 +48,8 @@ impl Measured {
         let (step, run) = (duration(forecast.step_seconds), duration(steps as f64 * forecast.step_seconds));
         lines.push(format!("forecast   {step} per step and {run} for the run in this process, without ranks"));
         lines.push(format!(
-            "           if all steps are like the first, with {evaluations}; steps in which networks lose stability take longer"
+            "           if all steps are like the first, with {evaluations}, and without writing results; steps in which networks \
+             lose stability take longer"
         ));
         lines.extend(forecast.splits.iter().map(|split| format!("           {}", line(split))));
         lines.extend(forecast.of_case.iter().map(|split| format!("this case  {}", line(split))));

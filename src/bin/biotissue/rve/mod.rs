@@ -35,8 +35,8 @@ pub struct RveCommand {
     #[command(flatten)]
     law: LawArguments,
     /// "raw" (forces of the unit cube, not scaled), or the fiber volume fraction (stresses in Pa). The network is scaled
-    /// to the unit cube, the radius is not: in a cube of edge A (`biotissue network info` prints that of the file), in
-    /// the unit of the radius, the stress in Pa is the raw one divided by A^2
+    /// to the unit cube, the radius is not: in a cube of edge A, in the unit of the radius (the
+    /// result names that of the file), the stress in Pa is the raw one divided by A^2
     #[arg(long, value_name = "raw|PHI", default_value = "raw", allow_hyphen_values = true)]
     scale: String,
     /// Increments from the undeformed state to F
@@ -100,9 +100,9 @@ fn check(command: RveCommand) -> Result<RveJob, Failure> {
     let params = params.with_stages(stages.unwrap_or_default());
     let read = file::read(&path)?;
     output::warn(&read.warnings);
-    let network = Arc::new(read.network);
+    let (network, cube_edge) = (Arc::new(read.network), Some(read.cube.edges[0]));
     let (place, start) = (path.display().to_string(), Rve::at_rest(&network));
-    Ok(RveJob { place, file: Some(path), network, start, gradient, material, scale, steps, params, dump })
+    Ok(RveJob { place, file: Some(path), network, cube_edge, start, gradient, material, scale, steps, params, dump })
 }
 
 fn parse_stages(names: &[String]) -> Result<Stages, Failure> {

@@ -39,6 +39,9 @@ pub struct NetworkSize {
     boundary_nodes: usize,
     free_dofs: usize,
     total_length: f64,
+    /// The edge of the cube in the unit of the file; absent for a replayed RVE.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    cube_edge: Option<f64>,
 }
 
 /// The state of an RVE in equilibrium; stresses and tangent in Pa, row-major.
@@ -106,13 +109,14 @@ pub struct Seconds {
 }
 
 impl NetworkSize {
-    pub fn of(network: &Network, model: &RveModel<impl ProgramBackend>) -> Self {
+    pub fn of(network: &Network, model: &RveModel<impl ProgramBackend>, cube_edge: Option<f64>) -> Self {
         Self {
             nodes: network.nodes().len(),
             fibers: network.fibers().len(),
             boundary_nodes: network.boundary().len(),
             free_dofs: model.unknowns(),
             total_length: network.total_length(),
+            cube_edge,
         }
     }
 }
@@ -168,6 +172,9 @@ impl RveResult {
             "network      {} nodes, {} fibers, {} boundary nodes, {} unknowns",
             n.nodes, n.fibers, n.boundary_nodes, n.free_dofs
         );
+        if let Some(edge) = n.cube_edge {
+            let _ = writeln!(out, "cube         edge {edge} in the file, scaled to 1");
+        }
         let [norm, relative] = self.residuals.last().copied().unwrap_or_default();
         let StageReport { stage, relaxation_steps, at_rounding, .. } = self.stages;
         let relaxation = match relaxation_steps {

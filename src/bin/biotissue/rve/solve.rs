@@ -30,6 +30,8 @@ pub struct RveJob {
     /// File of the network, if it has one.
     pub file: Option<PathBuf>,
     pub network: Arc<Network>,
+    /// Edge of its cube in the unit of the file, if it has one.
+    pub cube_edge: Option<f64>,
     pub start: Rve,
     pub gradient: Matrix3<f64>,
     pub material: Option<FiberMaterial>,
@@ -90,6 +92,7 @@ impl RveJob {
             place: origin,
             file: None,
             network,
+            cube_edge: None,
             start,
             gradient: target,
             material: None,
@@ -159,7 +162,7 @@ impl RveJob {
             iterations: report.iterations,
             residuals: residuals.iter().zip(relative).map(|(&norm, &relative)| [norm, relative]).collect(),
             determinant: self.gradient.determinant(),
-            network: NetworkSize::of(&self.network, model),
+            network: NetworkSize::of(&self.network, model, self.cube_edge),
             scale: model.scale(),
             state,
             stability,
