@@ -49,6 +49,7 @@ const CHECKS: &[Check] = &[
     ("verbs_on_threads", verbs_on_threads),
     ("shifted_diagonal", shifted_diagonal),
     ("iterative_methods", iterative_methods),
+    ("a_preconditioner_is_kept_while_it_serves", a_preconditioner_is_kept_while_it_serves),
     ("options", options),
     ("errors", errors),
     ("owned_rows", owned_rows),
@@ -390,6 +391,72 @@ fn residual(a: &<Petsc as Backend>::Matrix, b: &<Petsc as Backend>::Vector, x: &
     let mut values = vec![0.0; b.len()];
     a.for_each(|row, column, value| values[row] += value * x.as_slice()[column]).unwrap();
     values.iter().zip(b.as_slice()).map(|(ax, b)| (ax - b).powi(2)).sum::<f64>().sqrt() / b.norm().unwrap()
+}
+
+/// Diffusion on the grid of [`fill_laplacian`], with this coefficient of the edges to the right of and above each point.
+fn fill_diffusion(a: &mut <Petsc as Backend>::Matrix, side: i32, coefficient: impl Fn(i32) -> f64) {
+    a.zero().unwrap();
+    for i in 0..side {
+        for j in 0..side {
+            let (at, c) = (i * side + j, coefficient(i));
+            for (next, is_inside) in [(at + side, i + 1 < side), (at + 1, j + 1 < side)] {
+                let next = if is_inside { next } else { -1 };
+                a.add(&[at, next], &[at, next], &[c, -c, -c, c]).unwrap();
+            }
+            if i == 0 || j == 0 {
+                a.add(&[at], &[at], &[c]).unwrap();
+            }
+        }
+    }
+    a.finish().unwrap();
+}
+
+/// The multigrid hierarchy of an earlier matrix serves a similar one; for a very different one, it is computed again.
+fn a_preconditioner_is_kept_while_it_serves(context: &Context) {
+    let side = 24;
+    let pattern = laplacian_pattern(side);
+    let len = pattern.rows();
+    let [uniform, similar, different] = [(1.0, 0.1), (1.0, 0.2), (1.0, 20.0)].map(|(c, slope)| {
+        let mut a = Petsc::matrix(context, &pattern).unwrap();
+        fill_diffusion(&mut a, side, |i| c + slope * f64::from(i));
+        a
+    });
+    let method = Iterative {
+        krylov: Krylov::Cg,
+        preconditioner: Preconditioner::Multigrid,
+        tolerance: 1e-10,
+        max_iterations: 2000,
+    };
+    let solver = |method| {
+        let params = SolverParams::default().iterative(method);
+        Petsc::solver(&Petsc::analyze(context, &pattern, &params).unwrap()).unwrap()
+    };
+    let (b, mut x) = (ones(context, len), ones(context, len));
+    let mut iterations = |solver: &mut <Petsc as Backend>::Solver, a: &<Petsc as Backend>::Matrix| {
+        let report = solver.solve(&b, &mut x).unwrap();
+        let found = residual(a, &b, &x);
+        assert!(found <= 1.001e-10 && report.fallbacks == 0, "{found:e}");
+        report.iterations
+    };
+    let mut kept = solver(method);
+    assert_eq!(kept.update(&uniform).unwrap().kind, Factorization::Approximate);
+    let fresh = iterations(&mut kept, &uniform);
+    assert_eq!(kept.update(&similar).unwrap().kind, Factorization::Kept);
+    let of_similar = iterations(&mut kept, &similar);
+    assert!(of_similar <= fresh + fresh / 2, "{of_similar}, {fresh}");
+    assert_eq!(kept.update(&different).unwrap().kind, Factorization::Kept);
+    let slow = iterations(&mut kept, &different);
+    assert!(slow > 2 * fresh, "{slow}, {fresh}");
+    assert_eq!(kept.update(&different).unwrap().kind, Factorization::Approximate);
+    let computed = iterations(&mut kept, &different);
+    assert!(2 * computed < slow, "{computed}, {slow}");
+    // A kept hierarchy with which the method fails is computed again within the solve.
+    let mut few = solver(Iterative { max_iterations: computed.max(fresh) + 2, ..method });
+    few.factor(&uniform).unwrap();
+    iterations(&mut few, &uniform);
+    assert_eq!(few.update(&different).unwrap().kind, Factorization::Kept);
+    let with_wasted = iterations(&mut few, &different);
+    assert!(with_wasted > computed.max(fresh) + 2, "{with_wasted}");
 }
 
 /// Every method with every preconditioner reaches its tolerance, also after the matrix has changed.

@@ -7,6 +7,7 @@ use num_traits::{One, Zero};
 
 use crate::backends::checks::check_columns;
 use crate::backends::direct::Pivots;
+use crate::backends::kept::KeptPreconditioner;
 use crate::las::krylov::KrylovSpace;
 use crate::las::{
     Backend, FactorReport, Factorization, Failure, Iterative, MatVec, Scalar, SingleLane, SolveError, SolveReport,
@@ -97,10 +98,6 @@ impl<B: Backend<Scalar: Scalar>> ApproximateInverse<B> for SimplePreconditioner<
     }
 }
 
-/// A kept preconditioner is computed again if the number of iterations per decimal digit exceeds that of the matrix it
-/// was computed from by this factor.
-const SLOWER: f64 = 1.5;
-
 /// A Krylov solver with its matrix and preconditioner.
 pub(super) struct IterativeSolver<B: Backend> {
     unknowns: usize,
@@ -109,12 +106,7 @@ pub(super) struct IterativeSolver<B: Backend> {
     ready: bool,
     inverse: Box<dyn ApproximateInverse<B>>,
     space: KrylovSpace<B>,
-    /// Whether the preconditioner is that of an earlier matrix.
-    is_kept: bool,
-    /// Number of iterations per decimal digit with the matrix of the preconditioner, the most so far.
-    rate: f64,
-    /// Whether the last solve with a kept preconditioner took too many iterations.
-    is_slow: bool,
+    kept: KeptPreconditioner,
 }
 
 impl<B: SingleLane<Matrix: Clone>> IterativeSolver<B> {
@@ -125,7 +117,7 @@ impl<B: SingleLane<Matrix: Clone>> IterativeSolver<B> {
         inverse: Box<dyn ApproximateInverse<B>>,
     ) -> Result<Self, Failure<B>> {
         let space = KrylovSpace::new(context, unknowns, method)?;
-        Ok(Self { unknowns, a: None, ready: false, inverse, space, is_kept: false, rate: 0.0, is_slow: false })
+        Ok(Self { unknowns, a: None, ready: false, inverse, space, kept: KeptPreconditioner::default() })
     }
 
     /// Returns the number of values in the incomplete factorization, if there is one.
@@ -156,7 +148,7 @@ impl<B: SingleLane<Matrix: Clone>> IterativeSolver<B> {
     pub(super) fn factor(&mut self, a: &B::Matrix) -> Result<(FactorReport, Option<Pivots>), Failure<B>> {
         self.ready = false;
         let pivots = self.inverse.compute(a)?;
-        (self.is_kept, self.rate, self.is_slow) = (false, 0.0, false);
+        self.kept = KeptPreconditioner::default();
         if !self.inverse.stores_matrix() {
             match &mut self.a {
                 Some(kept) => kept.clone_from(a),
@@ -175,19 +167,17 @@ impl<B: SingleLane<Matrix: Clone>> IterativeSolver<B> {
         if !self.ready || !self.inverse.keep(a)? {
             return self.factor(a).map(|(report, _)| report);
         }
-        self.is_kept = true;
-        if self.is_slow {
+        if !self.kept.keep() {
             self.refresh()?;
         }
-        let kind = if self.is_kept { Factorization::Kept } else { Factorization::Approximate };
-        Ok(FactorReport { kind, indefinite_at: None, pivot_ratio: 1.0, negative_pivots: None })
+        Ok(FactorReport { kind: self.kept.kind(), indefinite_at: None, pivot_ratio: 1.0, negative_pivots: None })
     }
 
     /// Computes the preconditioner of the current matrix.
     fn refresh(&mut self) -> Result<(), Failure<B>> {
         self.ready = false;
         self.inverse.refresh()?;
-        (self.is_kept, self.rate, self.is_slow, self.ready) = (false, 0.0, false, true);
+        (self.kept, self.ready) = (KeptPreconditioner::default(), true);
         Ok(())
     }
 
@@ -211,7 +201,7 @@ impl<B: SingleLane<Matrix: Clone>> IterativeSolver<B> {
         let mut sum = SolveReport::DIRECT;
         for (b, x) in b.iter().zip(x) {
             let mut report = self.solve(b, x);
-            if let (Err(SolveError::NotConverged { iterations, .. }), true) = (&report, self.is_kept) {
+            if let (Err(SolveError::NotConverged { iterations, .. }), true) = (&report, self.kept.is_kept()) {
                 let wasted = *iterations;
                 self.refresh()?;
                 report = self.solve(b, x).map(|of| SolveReport { iterations: of.iterations + wasted, ..of });
@@ -231,22 +221,7 @@ impl<B: SingleLane<Matrix: Clone>> IterativeSolver<B> {
         };
         let mut precondition = |x: &B::Vector, y: &mut B::Vector| inverse.borrow_mut().apply(x, y);
         let report = space.solve(&mut product, &mut precondition, b, x)?;
-        self.judge(&report);
+        self.kept.judge(&report);
         Ok(report)
-    }
-
-    /// Compares the number of iterations with that for the matrix of the preconditioner.
-    fn judge(&mut self, report: &SolveReport) {
-        let digits = -report.residual.log10();
-        // Fewer than two digits say little about the rate.
-        if !(digits.is_finite() && digits >= 2.0) {
-            return;
-        }
-        let rate = report.iterations as f64 / digits;
-        if self.is_kept {
-            self.is_slow = self.rate > 0.0 && rate > SLOWER * self.rate;
-        } else {
-            self.rate = self.rate.max(rate);
-        }
     }
 }

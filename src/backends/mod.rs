@@ -16,6 +16,8 @@ mod csr;
 mod direct;
 #[cfg(any(feature = "sparse", feature = "dense"))]
 mod iterative;
+#[cfg(any(feature = "sparse", feature = "dense", feature = "petsc"))]
+mod kept;
 #[cfg(any(feature = "sparse", feature = "dense", feature = "batched", feature = "petsc"))]
 mod local;
 #[cfg(any(feature = "sparse", feature = "dense", feature = "petsc"))]

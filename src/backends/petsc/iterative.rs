@@ -4,7 +4,10 @@ use super::error::PetscError;
 use super::ksp::Ksp;
 use super::session::call;
 use super::{Matrix, Petsc, SolverError, Vector, ffi};
-use crate::las::{Backend, Iterative, Krylov, MatVec, Preconditioner, SolveError, SolveReport, StopReason, VectorOps};
+use crate::backends::kept::KeptPreconditioner;
+use crate::las::{
+    Backend, Factorization, Iterative, Krylov, MatVec, Preconditioner, SolveError, SolveReport, StopReason, VectorOps,
+};
 
 /// A Krylov method with its preconditioner, on one matrix.
 #[derive(Debug)]
@@ -15,6 +18,7 @@ pub(super) struct ByIterations {
     is_changed: bool,
     /// The product `A x`, for the true residual.
     product: Vector,
+    kept: KeptPreconditioner,
 }
 
 /// The largest number of runs of a method that reports convergence although the true residual is too large.
@@ -46,7 +50,13 @@ impl ByIterations {
         let ksp = Ksp::new(a, krylov, preconditioner)?;
         set(&ksp, &method)?;
         ksp.set_from_options()?;
-        Ok(Self { ksp, method, is_changed: false, product: Vector::zeros(&a.context, a.pattern().rows())? })
+        Ok(Self {
+            ksp,
+            method,
+            is_changed: false,
+            product: Vector::zeros(&a.context, a.pattern().rows())?,
+            kept: KeptPreconditioner::default(),
+        })
     }
 
     /// Sets the relative residual at which the next solves stop.
@@ -56,7 +66,8 @@ impl ByIterations {
     }
 
     /// Computes the preconditioner.
-    pub(super) fn set_up(&self, a: &Matrix) -> Result<(), SolverError> {
+    pub(super) fn set_up(&mut self, a: &Matrix) -> Result<(), SolverError> {
+        self.kept = KeptPreconditioner::default();
         self.ksp.set_up(a)?;
         let (pc, mut reason) = (self.ksp.pc(), 0);
         // SAFETY: a live object.
@@ -69,9 +80,27 @@ impl ByIterations {
         Err(SolveError::Library { library: "PETSc", reason: format!("no preconditioner (PCFailedReason {reason})") })
     }
 
+    /// Keeps the preconditioner for new values of the matrix; `None` if it has to be computed again, because the last solve
+    /// took too many iterations, or because this costs little.
+    pub(super) fn keep(&mut self) -> Option<Factorization> {
+        let is_cheap = matches!(self.method.preconditioner, Preconditioner::None | Preconditioner::Diagonal);
+        (!is_cheap && self.kept.keep()).then(|| self.kept.kind())
+    }
+
+    /// Solves; if a kept preconditioner does not serve, computes that of this matrix.
+    pub(super) fn solve(&mut self, a: &Matrix, b: &Vector, x: &mut Vector) -> Result<SolveReport, SolverError> {
+        let mut outcome = self.solve_once(a, b, x);
+        if let (Err(SolveError::NotConverged { iterations, .. }), true) = (&outcome, self.kept.is_kept()) {
+            let wasted = *iterations;
+            a.context.agree(self.set_up(a))?;
+            outcome = self.solve_once(a, b, x).map(|of| SolveReport { iterations: of.iterations + wasted, ..of });
+        }
+        outcome
+    }
+
     /// Solves until the true residual is small enough, because the residual that a method computes recursively drifts
     /// away from it.
-    pub(super) fn solve(&mut self, a: &Matrix, b: &Vector, x: &mut Vector) -> Result<SolveReport, SolverError> {
+    fn solve_once(&mut self, a: &Matrix, b: &Vector, x: &mut Vector) -> Result<SolveReport, SolverError> {
         let size = b.norm()?;
         if size == 0.0 {
             x.zero()?;
@@ -93,6 +122,7 @@ impl ByIterations {
             let squares = b.as_slice().iter().zip(self.product.as_slice()).map(|(b, ax)| ((b - ax) / size).powi(2));
             report.residual = a.context.sum_of_parts(squares.sum()).sqrt();
             if report.residual <= self.method.tolerance {
+                self.kept.judge(&report);
                 return Ok(report);
             }
             if reason <= 0 || report.residual.is_nan() {

@@ -190,11 +190,22 @@ impl Solver {
         FactorReport { kind, indefinite_at: None, pivot_ratio: 1.0, negative_pivots }
     }
 
+    /// Computes the preconditioner or the factorization of the copied matrix.
+    fn prepare_taken(&mut self) -> Result<FactorReport, SolverError> {
+        match self.symbolic.params.method {
+            Method::Iterative(method) => match self.prepare_iterations(method.preconditioner) {
+                Err(_) if self.symbolic.params.fallback => self.factor_taken(),
+                outcome => outcome,
+            },
+            Method::Direct => self.factor_taken(),
+        }
+    }
+
     fn prepare_iterations(&mut self, method: Preconditioner) -> Result<FactorReport, SolverError> {
         if method == Preconditioner::Diagonal {
             self.a.inverse_diagonal(&mut self.diagonal)?;
         }
-        if let Some(iterative) = self.iterative.as_ref().filter(|_| self.symbolic.unknowns > 0) {
+        if let Some(iterative) = self.iterative.as_mut().filter(|_| self.symbolic.unknowns > 0) {
             // The next step must be the same on all ranks.
             self.symbolic.context.agree(iterative.set_up(&self.a))?;
         }
@@ -225,23 +236,25 @@ pub(super) fn solve_one(factor: &Factor, a: &Matrix, b: &Vector, x: &mut Vector)
 impl crate::las::Solver<Petsc> for Solver {
     fn factor(&mut self, a: &Matrix) -> Result<FactorReport, SolverError> {
         self.copy_matrix(a)?;
-        match self.symbolic.params.method {
-            Method::Iterative(method) => match self.prepare_iterations(method.preconditioner) {
-                Err(_) if self.symbolic.params.fallback => self.factor_taken(),
-                outcome => outcome,
-            },
-            Method::Direct => self.factor_taken(),
-        }
+        self.prepare_taken()
     }
 
-    /// Does not keep preconditioners, but a direct method that replaced an iterative one.
+    /// Keeps the multigrid hierarchy of an earlier matrix while it serves, and a direct method that replaced an iterative
+    /// one.
     fn update(&mut self, a: &Matrix) -> Result<FactorReport, SolverError> {
-        let is_direct = self.active.is_some_and(|active| active != Factorization::Approximate);
-        if !(self.iterative.is_some() && is_direct) {
-            return self.factor(a);
-        }
+        let Some(active) = self.active.filter(|_| self.iterative.is_some()) else { return self.factor(a) };
         self.copy_matrix(a)?;
-        self.factor_taken()
+        if active != Factorization::Approximate {
+            return self.factor_taken();
+        }
+        // The number of iterations, which decides, is the same on all ranks.
+        match self.iterative.as_mut().and_then(ByIterations::keep) {
+            Some(kind) => {
+                self.active = Some(active);
+                Ok(FactorReport { kind, indefinite_at: None, pivot_ratio: 1.0, negative_pivots: None })
+            }
+            None => self.prepare_taken(),
+        }
     }
 
     /// Sets the tolerance; an error of PETSc comes back with the next solve.
