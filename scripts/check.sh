@@ -65,7 +65,7 @@ for ranks in 1 2; do
     mpirun --oversubscribe -n "$ranks" target/debug/examples/many_matrices
 done
 say "tests: published networks"
-BIOTISSUE_PROGRAM=target/debug/biotissue bash scripts/public-cases.sh 0
+BIOTISSUE_PROGRAM=target/debug/biotissue BIOTISSUE_MUMFIM_CASES=${BIOTISSUE_NETWORKS:+$BIOTISSUE_NETWORKS/ligament} bash scripts/public-cases.sh 0
 say "tests: MPI by MPICH"
 bash scripts/mpich.sh
 say "lints"

@@ -78,6 +78,7 @@ pub fn assert_reports_rves(stderr: &str, rves: usize) {
     let beats: Vec<&str> = stderr.lines().filter(|line| line.contains(&text)).collect();
     let is_slowest = |line: &&str| line.contains(", the slowest, of element ") && line.contains("(stage: newton)");
     assert!(beats.iter().any(is_slowest), "{stderr}");
+    assert!(beats.iter().all(|line| line.contains("iteration")), "{stderr}");
     let done_of = |line: &&str| line.split(&text).next()?.rsplit(' ').next()?.parse::<usize>().ok();
     let done: Vec<usize> = beats.iter().filter_map(done_of).collect();
     assert!(done.iter().any(|&done| done > 0 && done < rves), "{stderr}");

@@ -63,7 +63,7 @@ impl Reporter {
             Some(bar) => Heartbeat::start(BAR_EVERY, rves, move |text| bar.set_message(format!("({text})"))),
             None => Heartbeat::start(report_every, rves, output::message),
         };
-        heartbeat.begin(format!("step {}/{}", completed_steps + 1, size.steps));
+        heartbeat.begin(format!("step {}/{}: start, before its first iteration", completed_steps + 1, size.steps));
         let saved_steps = Arc::new(AtomicUsize::new(completed_steps));
         let completed_steps = Arc::new(AtomicUsize::new(completed_steps));
         let is_interrupted = Arc::new(AtomicBool::new(false));
@@ -140,7 +140,7 @@ impl Progress for Reporter {
             }
             None => output::message(&line),
         }
-        self.heartbeat.begin(format!("step {}/{}", step.step + 1, self.count));
+        self.heartbeat.begin(format!("step {}/{}: start, before its first iteration", step.step + 1, self.count));
     }
 
     fn iterating(&mut self, iteration: &Iterating<'_>) {

@@ -11,15 +11,18 @@ const MOST_NETWORKS: usize = 12;
 pub struct Measured {
     #[serde(flatten)]
     pub measurement: Measurement,
-    /// `None` if networks of the case have motions that no fiber resists: the times at rest then say nothing about those
-    /// under load.
+    /// `None` if networks of the case have motions that no fiber resists and an RVE found no equilibrium: the times of the
+    /// first step then say nothing about those of the others.
     pub forecast: Option<Forecast>,
+    /// Whether networks of the case have motions that no fiber resists, so that the forecast is a lower limit.
+    #[serde(rename = "forecast_is_least")]
+    pub is_floppy: bool,
 }
 
 impl Measured {
     /// Returns the lines of the plan.
     pub fn text(&self, steps: usize) -> Vec<String> {
-        let Self { measurement, forecast } = self;
+        let Self { measurement, forecast, is_floppy } = self;
         let (body, on) = (duration(measurement.body_seconds), plural(measurement.threads, "thread"));
         let mut lines = vec![format!("measured   {body} per evaluation for assembly and linear solution, on {on}")];
         if measurement.rves() > 0 {
@@ -38,9 +41,7 @@ impl Measured {
         }
         let Some(forecast) = forecast else {
             lines.push(
-                "forecast   none: the networks of the warning have motions that no fiber resists; under load, their RVEs may take \
-                 much longer than here, or find no equilibrium"
-                    .into(),
+                "forecast   none: the first load step found no equilibrium; the networks of the warning have motions that no fiber resists".into(),
             );
             return lines;
         };
@@ -51,6 +52,13 @@ impl Measured {
             "           if all steps are like the first, with {evaluations}, and without writing results; steps in which networks \
              lose stability take longer"
         ));
+        if *is_floppy {
+            lines.push(
+                "           at least: the networks of the warning have motions that no fiber resists; under load, their RVEs may take \
+                 much longer than here, or find no equilibrium"
+                    .into(),
+            );
+        }
         lines.extend(forecast.splits.iter().map(|split| format!("           {}", line(split))));
         lines.extend(forecast.of_case.iter().map(|split| format!("this case  {}", line(split))));
         lines.push(proposal(forecast));

@@ -164,9 +164,11 @@ impl Job for CheckJob {
         if self.measure {
             let hints = CaseHints::of(setup.case());
             let measurement = setup.measure().map_err(|error| not_set_up(&hints, error))?;
-            let is_known = plan.floppy_networks.is_empty();
+            let is_floppy = !plan.floppy_networks.is_empty();
+            // Where an RVE finds no equilibrium even in the first step, the times say nothing.
+            let is_known = !is_floppy || measurement.converged && measurement.failures == 0;
             let forecast = is_known.then(|| Forecast::new(&measurement, B::DISTRIBUTES, self.ranks));
-            plan.measured = Some(Measured { measurement, forecast });
+            plan.measured = Some(Measured { measurement, forecast, is_floppy });
         }
         Ok(plan)
     }
