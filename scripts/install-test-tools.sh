@@ -32,6 +32,11 @@ if ! command -v chromium chromium-browser google-chrome >/dev/null && [ -z "${BI
     { "${as_root[@]}" apt-get update -q && "${as_root[@]}" apt-get install -y -q --no-install-recommends chromium; } >&2 ||
         echo "warning: there is no Chromium for the tests of the report page: BIOTISSUE_REQUIRE_BROWSER=0 skips them" >&2
 fi
+# Gmsh, for a command of a tutorial; without it, the test of this command is skipped and listed.
+if ! command -v gmsh >/dev/null && command -v apt-get >/dev/null; then
+    { "${as_root[@]}" apt-get update -q && "${as_root[@]}" apt-get install -y -q --no-install-recommends gmsh; } >&2 ||
+        echo "warning: there is no Gmsh for the command of a tutorial, which is not tested" >&2
+fi
 if all_there; then
     exit 0
 fi

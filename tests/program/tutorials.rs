@@ -122,10 +122,10 @@ fn gmsh_meshes_the_plate() {
     ["regions    gel", "surface \"left\" (", " faces, 2.0000e-5 m^2)"].iter().for_each(|words| has(words));
 }
 
-/// The line of the job that starts the ranks.
+/// The lines of the jobs that start the ranks: with one thread each, and with several threads bound to cores.
 #[cfg(feature = "mpi")]
 #[test]
-fn the_job_of_the_cluster_runs() {
+fn the_jobs_of_the_cluster_run() {
     if !is_installed("mpirun") {
         return skip("needs mpirun");
     }
@@ -142,6 +142,14 @@ fn the_job_of_the_cluster_runs() {
     let printed = shell(folder.path(), &command.replace("mpirun ", "mpirun --oversubscribe -n 4 "));
     assert!(printed.contains("6 load steps") && printed.contains("micro ranks idle for "), "{printed}");
     shell(folder.path(), "biotissue run pull.toml --out alone && cmp alone/loads.csv results/loads.csv");
+    let (_, bound) = line_of("5-on-a-cluster.md", "mpirun --map-by ");
+    // A machine of two cores has no room for eight threads a rank.
+    let bound = bound.replace("mpirun --map-by slot:PE=8 ", "mpirun --map-by slot:PE=1:OVERSUBSCRIBE -n 2 ");
+    let bound = bound.replace("--threads 8", "--threads 2").replace("--resume", "--out bound");
+    assert!(bound.contains("--out bound --time-out 600 --threads 2"), "{bound}");
+    let printed = shell(folder.path(), &bound);
+    assert!(printed.contains("6 load steps") && printed.contains("micro ranks idle for "), "{printed}");
+    shell(folder.path(), "cmp alone/loads.csv bound/loads.csv");
 }
 
 fn assert_printed(name: &str, expected: &[&str]) {
