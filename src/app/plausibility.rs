@@ -194,10 +194,11 @@ fn check_stiffnesses<'a>(case: &'a Case, stiffnesses: &'a [Stiffness]) -> impl I
         let ratio = (matrix / fibers).max(fibers / matrix);
         (ratio > LARGEST_RATIO).then(|| {
             let message = format!(
-                "the fibers give about {} Pa and the matrix {} Pa, {} times as much or as little: are both moduli in Pa and \
-                 the radius in m?",
+                "the fibers give about {} Pa and the matrix {} Pa, so the {} {} times as stiff: are both moduli in Pa and the \
+                 radius in m?",
                 short(fibers),
                 short(matrix),
+                if matrix > fibers { "matrix is" } else { "fibers are" },
                 short(ratio)
             );
             in_region(case, stiffness.region, &message)
@@ -360,8 +361,8 @@ displacement = { x = 0.1 }
 
     #[test]
     fn very_different_stiffnesses_of_fibers_and_matrix_are_found() {
-        let apart = "3: region \"*\": the fibers give about 1.0e10 Pa and the matrix 2500 Pa, 4.0e6 times as much or as little: \
-                     are both moduli in Pa and the radius in m?";
+        let apart = "3: region \"*\": the fibers give about 1.0e10 Pa and the matrix 2500 Pa, so the fibers are 4.0e6 times as \
+                     stiff: are both moduli in Pa and the radius in m?";
         assert_eq!(warnings_of(CASE, 1.0, Some([5e9, 1e10])), [apart]);
         assert_eq!(warnings_of(CASE, 1.0, Some([1e-4, 1.0])).len(), 1);
     }

@@ -55,7 +55,9 @@ pub struct FiberStates {
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum TrussError {
     /// Neither the caller nor the network's files give a fiber material. Holds the name of the network.
-    #[error("the network {0} has no fiber materials (no .params file, no [law] in its .toml), and no law was given")]
+    #[error(
+        "the network {0} has no fiber materials (no .params file, no [law] or [[fiber_type]] in its .toml), and no law was given"
+    )]
     NoMaterial(String),
     /// A material parameter is invalid.
     #[error(transparent)]

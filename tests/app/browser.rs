@@ -404,6 +404,6 @@ fn without_webgl_the_page_shows_the_picture() {
         return skip("needs Chromium (BIOTISSUE_CHROMIUM names one)");
     };
     assert_eq!(browser.evaluate("document.getElementById('body-viewer').hidden"), true);
-    assert_eq!(browser.evaluate("document.querySelectorAll('figure.wide svg').length"), 1);
-    assert!(browser.evaluate("document.querySelector('figure.wide svg').clientHeight").as_f64().unwrap() > 100.0);
+    assert_eq!(browser.evaluate("document.querySelectorAll('figure.picture svg').length"), 1);
+    assert!(browser.evaluate("document.querySelector('figure.picture svg').clientHeight").as_f64().unwrap() > 100.0);
 }

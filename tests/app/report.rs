@@ -77,6 +77,26 @@ fn a_step_and_a_field_can_be_chosen() {
     );
 }
 
+/// A state within a step that failed has no row of loads: its picture names no extension, and that of the page is the one
+/// of the last step, with the sign that the fields of that step give.
+#[test]
+fn a_state_within_a_step_has_no_extension() {
+    let dir = results();
+    let file = dir.path().join("loads.csv");
+    let loads = std::fs::read_to_string(&file).unwrap();
+    let without_last: String = loads.lines().take(loads.lines().count() - 1).map(|line| format!("{line}\n")).collect();
+    std::fs::write(&file, without_last).unwrap();
+    let svg = draw(dir.path(), &PictureOptions::default()).unwrap();
+    assert!(svg.contains("step 10") && !svg.contains("extension "), "{svg}");
+    let html = page::page(dir.path(), &PictureOptions::default()).unwrap();
+    assert!(html.contains("<dt>extension</dt><dd>22.5\u{a0}%</dd>"));
+    let log = dir.path().join("log.jsonl");
+    let resumed = std::fs::read_to_string(&log).unwrap().replace("\"resumed_from\":0", "\"resumed_from\":3");
+    std::fs::write(&log, resumed).unwrap();
+    let html = page::page(dir.path(), &PictureOptions::default()).unwrap();
+    assert!(html.contains("10 load steps in 2\u{a0}min 07\u{a0}s of wall time since step 3."), "{}", &html[..200]);
+}
+
 #[test]
 fn a_mesh_without_fields_is_drawn_in_one_color() {
     let dir = tempfile::tempdir().unwrap();

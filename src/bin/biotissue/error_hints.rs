@@ -60,7 +60,7 @@ pub fn replay_hint(failed_rve: Option<&Path>) -> String {
 
 /// The cure if the only known fact is that a step was too large.
 const TOO_FAR: &str = "from the start: check the supports of the body, and the size and units of its loads; later: look for \
-                       elements near collapse in the last fields, or raise `max_cuts` and continue with --resume";
+                       elements near collapse in the last fields, or raise `max_cuts` in [steps] and continue with --resume";
 
 /// Returns the suggested cure for a failed load step.
 pub fn cure_of_step<F: std::error::Error + 'static>(reason: &StepFailure<TissueFieldError, F>, case: &Case) -> String {
@@ -70,7 +70,7 @@ pub fn cure_of_step<F: std::error::Error + 'static>(reason: &StepFailure<TissueF
     };
     // Adaptive increments have a limit of their own.
     if case.steps.adaptive.is_some() {
-        cure.replace("raise `max_cuts`", "lower `smallest` of `adaptive`")
+        cure.replace("raise `max_cuts` in [steps]", "lower `smallest` of `adaptive`")
     } else {
         cure
     }
@@ -79,12 +79,12 @@ pub fn cure_of_step<F: std::error::Error + 'static>(reason: &StepFailure<TissueF
 /// Returns the cure if RVEs leave their branches of equilibria.
 fn cure_of_branches(case: &Case) -> String {
     let has_networks = |region: &RegionCase| matches!(region.material, RegionMaterial::FiberRve(_));
-    let cure = "use more load steps (`count` in [steps]), or raise `max_cuts` and continue with --resume";
+    let cure = "use more load steps (`count` in [steps]), or raise `max_cuts` in [steps] and continue with --resume";
     if case.regions.iter().any(has_networks) {
         return format!(
-            "networks that have motions which no fiber resists, without a matrix or beside one that is softer than the fibers, \
-             are a likely cause (`biotissue check` names them): give the material a `matrix`, or a stiffer one, or use networks \
-             with more fibers per node; otherwise {cure}"
+            "if `biotissue check` names networks that have motions which no fiber resists, they are a likely cause: give the \
+             material a `matrix`, or a stiffer one, or use networks with more fibers per node; otherwise check the size and units \
+             of the loads, {cure}"
         );
     }
     cure.into()

@@ -4,7 +4,7 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use super::directory::{Directory, Increment};
-use super::extension::Extension;
+use super::extension::{Extension, row_at};
 use super::picture::{PictureOptions, draw_from};
 use super::units::{escape, prefix, quantity, significant};
 use super::{ReportError, charts, viewer};
@@ -59,7 +59,7 @@ pub fn page(dir: &Path, options: &PictureOptions) -> Result<String, ReportError>
     match draw_from(&directory, options) {
         Ok(picture) => match &run.last_fields {
             Some(fields) => html.push_str(&viewer::html(&directory, fields, options, &picture)?),
-            None => html.push_str(&format!("<figure>{picture}</figure>\n")),
+            None => html.push_str(&format!("<figure class=\"picture\">{picture}</figure>\n")),
         },
         // Without fields there is no picture, but a requested step or field must exist.
         Err(ReportError::NoFields { .. }) => {}
@@ -124,7 +124,14 @@ impl<'a> Run<'a> {
     fn of(directory: &'a Directory) -> Result<Self, ReportError> {
         let last = directory.fields.last();
         let last_fields = last.map(|entry| directory.read_fields(entry)).transpose()?;
-        let of_time = last.zip(last_fields.as_ref()).map(|(entry, fields)| (fields, entry.time));
+        // A state within a step that failed has no row of loads with which its fields could be compared.
+        let of_row = directory
+            .loads
+            .as_ref()
+            .and_then(|loads| directory.fields.iter().rev().find(|entry| row_at(loads, entry.time).is_some()));
+        let other =
+            of_row.filter(|entry| Some(*entry) != last).map(|entry| directory.read_fields(entry)).transpose()?;
+        let of_time = of_row.zip(other.as_ref().or(last_fields.as_ref())).map(|(entry, fields)| (fields, entry.time));
         let extension = directory.loads.as_ref().and_then(|loads| Extension::find(loads, of_time));
         Ok(Self { directory, increments: directory.increments(), extension, last_fields })
     }
@@ -181,7 +188,10 @@ fn outcome(directory: &Directory, run: &Run) -> String {
     let plural = if increments == 1 { "" } else { "s" };
     let (class, words) = match &directory.end {
         Some(end) if end.converged => {
-            ("state", format!("Converged: {increments} load step{plural} in {} of wall time.", duration(end.seconds)))
+            let resumed_from = directory.start.as_ref().map_or(0, |start| start.resumed_from);
+            let since = if resumed_from > 0 { format!(" since step {resumed_from}") } else { String::new() };
+            let time = duration(end.seconds);
+            ("state", format!("Converged: {increments} load step{plural} in {time} of wall time{since}."))
         }
         Some(end) => {
             let reason = end.reason.as_deref().unwrap_or("no reason was written");

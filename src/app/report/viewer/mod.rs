@@ -112,7 +112,7 @@ pub(super) fn html(
     let notes = notes(directory, &body, &steps, &networks, last);
     let data = data(directory, last, options, &body, &glyphs, steps, networks);
     let json = serde_json::to_string(&data).unwrap_or_default();
-    let mut html = format!("<noscript id=\"still\"><figure>{picture}</figure></noscript>\n");
+    let mut html = format!("<noscript id=\"still\"><figure class=\"picture\">{picture}</figure></noscript>\n");
     let _ = writeln!(html, "{}<figcaption>{}</figcaption>\n</figure>", include_str!("viewer.html"), escape(&notes[0]));
     let _ =
         writeln!(html, "{}<figcaption>{}</figcaption>\n</figure>", include_str!("networks.html"), escape(&notes[1]));

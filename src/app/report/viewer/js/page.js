@@ -81,8 +81,11 @@ function startNetworks() {
   element("network-before").hidden = networks.sides.length < 2;
   const [low, high] = networks.range();
   element("network-bar").style.background = gradient(DIVERGING);
-  element("network-low").textContent = low.toFixed(2);
-  element("network-high").textContent = high.toFixed(2);
+  // Two digits of the difference from 1; the bar reaches as far below 1 as above, where there may be no fiber.
+  const text = (stretch) => stretch.toFixed(Math.min(7, Math.max(2, 1 - Math.floor(Math.log10(high - 1)))));
+  element("network-low").textContent = low < 0 ? "" : text(low);
+  element("network-high").textContent = text(high);
+  element("network-note").textContent = `${data.networks.range.map(text).join(" to ")} in all steps; gray: 1`;
   let lastTime = Infinity;
   reset();
   draw();
