@@ -39,6 +39,24 @@ const SYMBOLS: [(&str, &str); 9] = [
     ("force", "traction"),
 ];
 
+/// Keys of one or two sections, which users look for in others.
+const HOMES: [(&str, &str); 14] = [
+    ("count", "[steps]"),
+    ("adaptive", "[steps]"),
+    ("max_cuts", "[steps], or [micro] for those of RVEs"),
+    ("max_iterations", "[newton], or [micro] for those of RVEs"),
+    ("tolerance", "[newton], or [micro] for that of RVEs"),
+    ("start", "[newton]"),
+    ("solver", "[newton], or [micro] for that of RVEs"),
+    ("lanes", "[micro]"),
+    ("device", "[micro]"),
+    ("directory", "[output]"),
+    ("every", "[output]"),
+    ("fields", "[output]"),
+    ("checkpoint", "[output]"),
+    ("material", "[[region]]"),
+];
+
 /// Which of two alternative keys a table has.
 pub(super) enum Either<'d> {
     First(Value<'d>),
@@ -261,6 +279,9 @@ impl<'d> Table<'d> {
         }
         if !self.path.is_empty() && key == "title" {
             return "move it above the first [header]".into();
+        }
+        if let Some((_, home)) = HOMES.iter().find(|(known, _)| *known == key) {
+            return format!("it belongs into {home}");
         }
         if self.path.is_empty() && !value.is_table() {
             return "move it below the header of its table, or remove it".into();

@@ -197,7 +197,9 @@ fn outcome(directory: &Directory, run: &Run) -> String {
             let reason = end.reason.as_deref().unwrap_or("no reason was written");
             ("state failed", format!("Failed after {increments} converged load step{plural}: {reason}."))
         }
-        None => ("state", format!("{increments} load step{plural} so far; the run has not ended yet.")),
+        None => {
+            ("state", format!("{increments} load step{plural} so far; the run has not ended yet, or was interrupted."))
+        }
     };
     format!("<p class=\"{class}\">{}</p>\n", escape(&words))
 }
@@ -259,7 +261,7 @@ fn facts(directory: &Directory, run: &Run) -> String {
 /// Returns the table of load steps and, below it, that of failed attempts.
 fn table(directory: &Directory, run: &Run) -> String {
     if run.increments.is_empty() {
-        return String::new();
+        return cuts(directory);
     }
     let surfaces = run.loaded_surfaces();
     let with_rves = directory.steps.iter().any(|step| step.rve.is_some());

@@ -48,7 +48,7 @@ mod tests {
 
     #[test]
     fn many_networks_take_one_line() {
-        let network = |k| NetworkSize { name: format!("{k}.txt"), unknowns: 300 + k, rves: 7, raw_edge: None };
+        let network = |k: usize| NetworkSize { name: format!("{k}.txt"), unknowns: 300 + k, rves: 7, raw_edge: None };
         let mut networks: Vec<NetworkSize> = (0..9).map(network).collect();
         let few = network_lines(&networks[..8]);
         assert_eq!((few.len(), &*few[1]), (8, "  1.txt                       301 unknowns,      7 RVEs"));

@@ -120,7 +120,10 @@ function startBody(networks) {
     element("high").value = text(high);
     const [least, most] = field.extremes.map((x) => x * field.factor);
     const isCut = least < low - 1e-6 * (high - low) || most > high + 1e-6 * (high - low);
-    element("bar-note").textContent = isCut ? `all steps: ${text(least)} to ${text(most)} ${field.unit}` : "the same colors at all steps";
+    const isTrimmed = isCut && ranges[body.field].every((end, k) => end === field.range[k]);
+    element("bar-note").textContent = isCut
+      ? `${isTrimmed ? "without the outermost 1 %; " : ""}all steps: ${text(least)} to ${text(most)} ${field.unit}`
+      : "the same colors at all steps";
     draw();
   };
   body.fields.forEach(({ label }, k) => fieldChoice.add(new Option(label, k)));
