@@ -59,13 +59,13 @@ bash scripts/python.sh
 say "tests: packages that use the library, and examples"
 cargo test --quiet --package custom-law --package custom-material --package downstream --package micro-scaling --package reactions --features downstream/petsc
 # The build of scripts/test.sh.
-cargo build --quiet --features batched,capi,cuda,hwloc,metis,petsc --example deposition --example many_matrices
+cargo build --quiet --features batched,capi,cuda,hwloc,metis,petsc --bin biotissue --example deposition --example many_matrices
 target/debug/examples/deposition
 for ranks in 1 2; do
     mpirun --oversubscribe -n "$ranks" target/debug/examples/many_matrices
 done
 say "tests: published networks"
-BIOTISSUE_PROGRAM=target/debug/biotissue BIOTISSUE_MUMFIM_CASES=${BIOTISSUE_NETWORKS:+$BIOTISSUE_NETWORKS/ligament} bash scripts/public-cases.sh 0
+BIOTISSUE_PROGRAM=${CARGO_TARGET_DIR:-target}/debug/biotissue bash scripts/public-cases.sh 0
 say "tests: MPI by MPICH"
 bash scripts/mpich.sh
 say "lints"

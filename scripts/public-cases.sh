@@ -28,7 +28,7 @@ networks_in() {
 
 refused=0
 check_networks() { # check_networks FOLDER
-    local count=0
+    local count=0 before=$refused
     while IFS= read -r -d '' file; do
         count=$((count + 1))
         if ! "$program" network info "$file" >"$folder/output" 2>&1; then
@@ -36,7 +36,7 @@ check_networks() { # check_networks FOLDER
             sed "s|^|refused: |" "$folder/output"
         fi
     done < <(networks_in "$1")
-    echo "$1: $count networks, $refused refused"
+    echo "$1: $count networks, $((refused - before)) refused"
     if [ "$count" -eq 0 ]; then
         echo "no network found: is this the folder of the test cases?" >&2
         exit 1
@@ -55,7 +55,8 @@ run_meshes() { # run_meshes FOLDER
             sed "s|^|refused: |" "$folder/error"
             continue
         fi
-        mapfile -t surfaces < <(python3 -c 'import json, sys; print(*json.load(sys.stdin)["surfaces"], sep="\n")' <"$folder/plan.json")
+        names=$(python3 -c 'import json, sys; print(*json.load(sys.stdin)["surfaces"], sep="\n")' <"$folder/plan.json")
+        mapfile -t surfaces <<<"$names"
         if [ "${#surfaces[@]}" -lt 2 ]; then
             echo "$(basename "$file"): checked; it has no two surfaces to pull at"
             continue
@@ -101,6 +102,7 @@ if [ -z "$ligament" ] || [ ! -d "$ligament" ]; then
     exit "$((refused > 0))"
 fi
 check_networks "$ligament"
+run_meshes "$ligament"
 cat >"$folder/ligament.toml" <<CASE
 title = "A facet capsular ligament"
 [mesh]

@@ -450,6 +450,16 @@ fn a_preconditioner_is_kept_while_it_serves(context: &Context) {
     assert_eq!(kept.update(&different).unwrap().kind, Factorization::Approximate);
     let computed = iterations(&mut kept, &different);
     assert!(2 * computed < slow, "{computed}, {slow}");
+    // A factorization forgets the aggregates and the interpolation of earlier matrices.
+    let (mut later, mut fresh_solver) = (solver(method), solver(method));
+    later.factor(&uniform).unwrap();
+    later.factor(&different).unwrap();
+    fresh_solver.factor(&different).unwrap();
+    let mut solutions = [ones(context, len), ones(context, len)];
+    let reports = [&mut later, &mut fresh_solver].into_iter().zip(&mut solutions);
+    let reports: Vec<_> = reports.map(|(solver, x)| solver.solve(&b, x).unwrap()).collect();
+    assert_eq!(reports[0], reports[1]);
+    assert_eq!(solutions[0].as_slice(), solutions[1].as_slice());
     // A kept hierarchy with which the method fails is computed again within the solve.
     let mut few = solver(Iterative { max_iterations: computed.max(fresh) + 2, ..method });
     few.factor(&uniform).unwrap();

@@ -204,7 +204,7 @@ impl<B: SingleLane<Matrix: Clone>> IterativeSolver<B> {
             if let (Err(SolveError::NotConverged { iterations, .. }), true) = (&report, self.kept.is_kept()) {
                 let wasted = *iterations;
                 self.refresh()?;
-                report = self.solve(b, x).map(|of| SolveReport { iterations: of.iterations + wasted, ..of });
+                report = self.solve(b, x).map(|of| of.after(wasted)).map_err(|error| error.after(wasted));
             }
             sum = sum.merge(report?);
         }

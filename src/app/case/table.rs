@@ -280,8 +280,10 @@ impl<'d> Table<'d> {
         if !self.path.is_empty() && key == "title" {
             return "move it above the first [header]".into();
         }
-        if let Some((_, home)) = HOMES.iter().find(|(known, _)| *known == key) {
-            return format!("it belongs into {home}");
+        // The keys of nested tables, as those of a linear solver, have other meanings.
+        let home = HOMES.iter().find(|(known, _)| *known == key).filter(|_| !self.path.contains('.'));
+        if let Some((_, home)) = home {
+            return format!("it belongs in {home}");
         }
         if self.path.is_empty() && !value.is_table() {
             return "move it below the header of its table, or remove it".into();

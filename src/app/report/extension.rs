@@ -59,7 +59,7 @@ impl Extension {
             }
             extension.length = Some(reference).filter(|&length| length > 0.0);
             let change = edges(deformed(fields))[axis] - reference;
-            let counted = row_at(loads, time).map_or(0.0, |row| extension.elongation(row));
+            let counted = extension.elongation(row_at(loads, time).unwrap_or(last));
             if change * counted < 0.0 {
                 extension.sign = -extension.sign;
             }

@@ -1,5 +1,7 @@
 //! The Krylov methods of PETSc.
 
+use std::ffi::CStr;
+
 use super::error::PetscError;
 use super::ksp::Ksp;
 use super::session::call;
@@ -13,13 +15,26 @@ use crate::las::{
 #[derive(Debug)]
 pub(super) struct ByIterations {
     ksp: Ksp,
+    /// The types of the method and of its preconditioner, before the options database.
+    types: [&'static CStr; 2],
     method: Iterative,
     /// Whether the tolerance has changed since the last solve; otherwise that of the options database holds.
     is_changed: bool,
+    /// Whether the tolerance has changed since the options database was read.
+    is_own_tolerance: bool,
     /// The product `A x`, for the true residual.
     product: Vector,
     kept: KeptPreconditioner,
+    /// Whether there was a preconditioner of this or of another matrix.
+    is_used: bool,
+    /// Whether there is a preconditioner.
+    is_ready: bool,
+    /// Whether the preconditioner is worth keeping for other values of the matrix.
+    is_costly: bool,
 }
+
+/// The types of preconditioners that are kept, because their setup takes as long as many iterations.
+const COSTLY: [&str; 4] = ["gamg", "hypre", "ml", "hmg"];
 
 /// The largest number of runs of a method that reports convergence although the true residual is too large.
 const ROUNDS: usize = 4;
@@ -47,27 +62,39 @@ impl ByIterations {
             Krylov::BiCgStab => c"bcgs",
             Krylov::Gmres { .. } => c"gmres",
         };
-        let ksp = Ksp::new(a, krylov, preconditioner)?;
-        set(&ksp, &method)?;
-        ksp.set_from_options()?;
+        let types = [krylov, preconditioner];
+        let ksp = create(a, types, &method)?;
+        // The options database may have replaced the preconditioner.
+        let [_, used] = ksp.types()?;
         Ok(Self {
             ksp,
+            types,
             method,
             is_changed: false,
+            is_own_tolerance: false,
             product: Vector::zeros(&a.context, a.pattern().rows())?,
             kept: KeptPreconditioner::default(),
+            is_used: false,
+            is_ready: false,
+            is_costly: COSTLY.contains(&used.as_str()),
         })
     }
 
     /// Sets the relative residual at which the next solves stop.
     pub(super) fn set_tolerance(&mut self, tolerance: f64) {
         self.is_changed |= tolerance != self.method.tolerance;
+        self.is_own_tolerance |= self.is_changed;
         self.method.tolerance = tolerance;
     }
 
-    /// Computes the preconditioner.
+    /// Computes the preconditioner, of this matrix alone: an object that has seen another one keeps some of it, as GAMG its
+    /// aggregates and the interpolation, even after `KSPReset`.
     pub(super) fn set_up(&mut self, a: &Matrix) -> Result<(), SolverError> {
-        self.kept = KeptPreconditioner::default();
+        (self.kept, self.is_ready) = (KeptPreconditioner::default(), false);
+        if std::mem::replace(&mut self.is_used, true) && self.is_costly {
+            self.ksp = create(a, self.types, &self.method)?;
+            self.is_changed = self.is_own_tolerance;
+        }
         self.ksp.set_up(a)?;
         let (pc, mut reason) = (self.ksp.pc(), 0);
         // SAFETY: a live object.
@@ -75,6 +102,7 @@ impl ByIterations {
         // A local block may fail on one rank alone.
         let reason = a.context.largest_code(reason);
         if reason == 0 {
+            self.is_ready = true;
             return Ok(());
         }
         Err(SolveError::Library { library: "PETSc", reason: format!("no preconditioner (PCFailedReason {reason})") })
@@ -83,19 +111,21 @@ impl ByIterations {
     /// Keeps the preconditioner for new values of the matrix; `None` if it has to be computed again, because the last solve
     /// took too many iterations, or because this costs little.
     pub(super) fn keep(&mut self) -> Option<Factorization> {
-        let is_cheap = matches!(self.method.preconditioner, Preconditioner::None | Preconditioner::Diagonal);
-        (!is_cheap && self.kept.keep()).then(|| self.kept.kind())
+        (self.is_costly && self.is_ready && self.kept.keep()).then(|| self.kept.kind())
     }
 
     /// Solves; if a kept preconditioner does not serve, computes that of this matrix.
     pub(super) fn solve(&mut self, a: &Matrix, b: &Vector, x: &mut Vector) -> Result<SolveReport, SolverError> {
-        let mut outcome = self.solve_once(a, b, x);
-        if let (Err(SolveError::NotConverged { iterations, .. }), true) = (&outcome, self.kept.is_kept()) {
-            let wasted = *iterations;
-            a.context.agree(self.set_up(a))?;
-            outcome = self.solve_once(a, b, x).map(|of| SolveReport { iterations: of.iterations + wasted, ..of });
+        if !self.is_ready {
+            return Err(SolveError::NotFactored);
         }
-        outcome
+        let outcome = self.solve_once(a, b, x);
+        let Err(SolveError::NotConverged { iterations: wasted, .. }) = outcome else { return outcome };
+        // Without another preconditioner, the method has not converged.
+        if !self.kept.is_kept() || a.context.agree(self.set_up(a)).is_err() {
+            return outcome;
+        }
+        self.solve_once(a, b, x).map(|of| of.after(wasted)).map_err(|error| error.after(wasted))
     }
 
     /// Solves until the true residual is small enough, because the residual that a method computes recursively drifts
@@ -137,6 +167,14 @@ impl ByIterations {
         };
         Err(self.method.not_converged(report, stop_reason))
     }
+}
+
+/// Creates the object of a method with the options of the database.
+fn create(a: &Matrix, [krylov, preconditioner]: [&'static CStr; 2], method: &Iterative) -> Result<Ksp, PetscError> {
+    let ksp = Ksp::new(a, krylov, preconditioner)?;
+    set(&ksp, method)?;
+    ksp.set_from_options()?;
+    Ok(ksp)
 }
 
 /// Sets the tolerances and the number of iterations.

@@ -140,7 +140,11 @@ impl Progress for Reporter {
             }
             None => output::message(&line),
         }
-        self.heartbeat.begin(format!("step {}/{}: start, before its first iteration", step.step + 1, self.count));
+        self.heartbeat.begin(if step.step < self.count {
+            format!("step {}/{}: start, before its first iteration", step.step + 1, self.count)
+        } else {
+            "after the last step".into()
+        });
     }
 
     fn iterating(&mut self, iteration: &Iterating<'_>) {
@@ -163,7 +167,10 @@ impl Progress for Reporter {
 
     fn failed(&mut self, cut: &Cut) {
         self.message(&format!("step {}/{} to t = {:.4} failed: {}", cut.step, self.count, cut.t, cut.reason));
-        self.heartbeat.begin(format!("step {}/{}, repeated in shorter increments", cut.step, self.count));
+        self.heartbeat.begin(format!(
+            "step {}/{}, repeated in shorter increments: before its first iteration",
+            cut.step, self.count
+        ));
     }
 
     fn saved(&mut self, step: usize) {

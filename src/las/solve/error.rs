@@ -142,6 +142,15 @@ pub enum SolveError<F> {
 }
 
 impl<F> SolveError<F> {
+    /// Adds the iterations of an earlier attempt at the same system.
+    #[cfg(any(feature = "sparse", feature = "dense", feature = "petsc"))]
+    pub(crate) fn after(mut self, wasted: usize) -> Self {
+        if let Self::NotConverged { iterations, .. } = &mut self {
+            *iterations += wasted;
+        }
+        self
+    }
+
     /// Converts the error of the backend.
     #[cfg(feature = "cuda")]
     pub(crate) fn map_backend<G>(self, convert: impl FnOnce(F) -> G) -> SolveError<G> {

@@ -60,4 +60,10 @@ impl SolveReport {
             fallbacks: self.fallbacks + other.fallbacks,
         }
     }
+
+    /// Adds the iterations of an earlier attempt at the same system.
+    #[cfg(any(feature = "sparse", feature = "dense", feature = "petsc"))]
+    pub(crate) fn after(self, wasted: usize) -> Self {
+        Self { iterations: self.iterations + wasted, ..self }
+    }
 }

@@ -132,6 +132,7 @@ impl<'a> Run<'a> {
         let other =
             of_row.filter(|entry| Some(*entry) != last).map(|entry| directory.read_fields(entry)).transpose()?;
         let of_time = of_row.zip(other.as_ref().or(last_fields.as_ref())).map(|(entry, fields)| (fields, entry.time));
+        let of_time = of_time.or_else(|| last.zip(last_fields.as_ref()).map(|(entry, fields)| (fields, entry.time)));
         let extension = directory.loads.as_ref().and_then(|loads| Extension::find(loads, of_time));
         Ok(Self { directory, increments: directory.increments(), extension, last_fields })
     }

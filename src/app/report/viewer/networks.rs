@@ -44,6 +44,8 @@ pub(super) struct NetworkPage {
     pub networks: Vec<NetworkSeries>,
     /// The stretches at the ends of the color map.
     pub range: [f64; 2],
+    /// The smallest and the largest stretch of the fibers in all steps.
+    pub extremes: [f64; 2],
     /// Number of networks in the result directory.
     pub of: usize,
 }
@@ -65,7 +67,9 @@ pub(super) fn collect(directory: &Directory) -> Result<NetworkPage, ReportError>
         networks.push(series);
     }
     let (low, high) = color::range(&stretches);
-    Ok(NetworkPage { networks, range: [low.min(1.0), high.max(1.0)], of })
+    let finite = stretches.iter().copied().filter(|stretch| stretch.is_finite());
+    let extremes = finite.fold([1.0_f64; 2], |[least, most], stretch| [least.min(stretch), most.max(stretch)]);
+    Ok(NetworkPage { networks, range: [low.min(1.0), high.max(1.0)], extremes, of })
 }
 
 /// Returns `element 12, point 3` for `element-00012-point-03.pvd`.

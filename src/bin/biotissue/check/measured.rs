@@ -41,7 +41,7 @@ impl Measured {
         }
         let Some(forecast) = forecast else {
             lines.push(
-                "forecast   none: the first load step found no equilibrium; the networks of the warning have motions that no fiber resists".into(),
+                "forecast   none: an RVE or the body found no equilibrium in the first load step; the networks of the warning have motions that no fiber resists".into(),
             );
             return lines;
         };

@@ -85,7 +85,7 @@ function startNetworks() {
   const text = (stretch) => stretch.toFixed(Math.min(7, Math.max(2, 1 - Math.floor(Math.log10(high - 1)))));
   element("network-low").textContent = low < 0 ? "" : text(low);
   element("network-high").textContent = text(high);
-  element("network-note").textContent = `${data.networks.range.map(text).join(" to ")} in all steps; gray: 1`;
+  element("network-note").textContent = `${data.networks.extremes.map(text).join(" to ")} in all steps; gray: 1`;
   let lastTime = Infinity;
   reset();
   draw();
