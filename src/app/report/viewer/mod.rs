@@ -1,8 +1,8 @@
 //! The body of the page in three dimensions, and selected networks before and after loading: numbers of the result
 //! directory, and scripts that draw them by WebGL 2 without any other file.
 //!
-//! The scripts are in `js`, one file per subject; [`html`] joins them: 1 000 lines, 45 kB of a page. three.js or vtk.js would
-//! add 0.7 MB or more to every page and to the sources, and need as much code for what they do not have: cuts through
+//! The scripts are in `js`, one file per subject; [`html`] joins them: 1 000 lines, 49 kB of a page. three.js or vtk.js would
+//! add several hundred kilobytes to every page and to the sources, and need code for what they do not have: cuts through
 //! tetrahedra, values within an element, lines of the mesh that a triangulated face does not have. Without WebGL 2 or
 //! without scripts, the page shows the still picture.
 
