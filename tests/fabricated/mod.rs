@@ -5,7 +5,9 @@ use biotissue::fem::mesh::Elements;
 use std::path::Path;
 
 use biotissue::app::results::collection::field_file;
-use biotissue::app::results::log::{Cut, End, Factorizations, NewtonLog, NewtonSeconds, RveLog, Start, Step};
+use biotissue::app::results::log::{
+    Cut, End, Factorizations, NewtonLog, NewtonSeconds, RveLog, Start, Step, SurfacePlace,
+};
 use biotissue::app::results::{
     Collection, Event, FIELDS_FILE, FieldSet, LOADS_FILE, LOG_FILE, LoadNames, LoadRow, LoadsWriter, LogWriter,
     SurfaceRow, write_vtu,
@@ -93,6 +95,9 @@ pub fn write(dir: &Path, cells: [usize; 3]) {
         ranks: [1, 0],
         version: "0.1.0".into(),
         resumed_from: 0,
+        surfaces: [("left", 0.0), ("right", LENGTH)]
+            .map(|(name, x)| SurfacePlace { name: name.into(), center: [x, 0.0, 0.0] })
+            .to_vec(),
     }))
     .unwrap();
     let names = LoadNames {

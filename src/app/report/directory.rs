@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::ReportError;
-use super::extension::{Extension, box_extension, row_at};
+use super::extension::{Extension, Kind, box_extension, row_at};
 use super::ranks::history::RankRun;
 use crate::app::results::collection::Entry;
 use crate::app::results::loads::LoadRow;
@@ -144,18 +144,27 @@ impl Directory {
         if fields.elements.is_empty() { Err(ReportError::EmptyMesh(file)) } else { Ok(fields) }
     }
 
-    /// Returns the extension of the body in these fields, as a fraction of its reference length: from the table of
+    /// Determines how the body is pulled or sheared ([`Extension::find`]).
+    pub fn extension(&self, fields: Option<(&Fields, f64)>) -> Option<Extension> {
+        let places = self.start.as_ref().map_or(&[][..], |start| &start.surfaces);
+        Extension::find(self.loads.as_ref()?, places, fields)
+    }
+
+    /// Returns the extension or shear of the body in these fields, as a fraction of its reference length: from the table of
     /// loads at the time of the fields, or, if no surface is pulled, from the bounding box of the body, if its longest edge
     /// changes. `None` for a state without a row in the table.
-    pub fn extension_at(&self, entry: &Entry, fields: &Fields) -> Option<f64> {
+    pub fn extension_at(&self, entry: &Entry, fields: &Fields) -> Option<(Kind, f64)> {
         /// The change of an edge that is due to rounding.
         const ROUNDING: f64 = 1e-9;
-        let of_loads =
-            self.loads.as_ref().and_then(|loads| Some((loads, Extension::find(loads, Some((fields, entry.time)))?)));
-        match of_loads {
+        match self.loads.as_ref().zip(self.extension(Some((fields, entry.time)))) {
             // A state within a step that failed has no row, and another measure would not compare with that of the steps.
-            Some((loads, extension)) => row_at(loads, entry.time).and_then(|row| extension.fraction(row)),
-            None => box_extension(fields).filter(|extension| extension.abs() > ROUNDING),
+            Some((loads, extension)) => {
+                row_at(loads, entry.time).and_then(|row| Some((extension.kind, extension.fraction(row)?)))
+            }
+            None => {
+                let of_box = box_extension(fields).filter(|extension| extension.abs() > ROUNDING);
+                of_box.map(|extension| (Kind::Pull, extension))
+            }
         }
     }
 }

@@ -1,36 +1,56 @@
-//! The extension of a pulled body: one number per load step, from the displacements of its surfaces.
+//! The extension of a pulled body, or the shear of a sheared one: one number per load step, from the displacements of its
+//! surfaces.
 //!
-//! The direction of the pull is the axis and the two surfaces whose mean displacements differ most in the last row of
-//! `loads.csv`; the elongation is that difference, positive if the body becomes longer, and the extension is the
-//! elongation divided by the reference length of the body (the edge of its bounding box along that axis). For a bar
-//! held and pulled at its ends this is the engineering strain. Without such surfaces, and if a rigid surface turns, the
-//! change of the bounding box along its longest edge is used instead.
+//! The direction of the load is the axis and the two surfaces whose mean displacements differ most in the last row of
+//! `loads.csv`. If the centers of these surfaces lie apart mainly along that axis, the body is pulled or pushed: the
+//! elongation is the difference, positive if the surfaces move apart, and the extension is the elongation divided by the
+//! distance of the centers along the axis. For a bar held and pulled at its ends this is the engineering strain. Otherwise
+//! the body is sheared: the shear is the difference divided by the distance of the centers across the axis.
+//!
+//! Results without the centers of surfaces give the edge of the bounding box along the axis as length, and the sign from
+//! its change. Without surfaces that move, and if a rigid surface turns, the change of the bounding box along its longest
+//! edge is used instead.
 
 use crate::app::results::loads::LoadRow;
+use crate::app::results::log::SurfacePlace;
 use crate::app::results::{Fields, Loads, RigidRow};
 
-/// The direction of the pull, and the reference length.
+/// Mean displacements that differ by less than this, relative to the reference length, are equal.
+const ROUNDING: f64 = 1e-9;
+
+/// What a load does to the body as a whole.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// It moves two surfaces apart, or towards each other.
+    Pull,
+    /// It moves two surfaces past each other.
+    Shear,
+}
+
+/// The direction of the load, and the reference length.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Extension {
-    /// The axis along which the body is pulled: 0, 1, 2 for x, y, z.
+    /// Whether the body is pulled or sheared.
+    pub kind: Kind,
+    /// The axis along which the surfaces move: 0, 1, 2 for x, y, z.
     pub axis: usize,
     /// The two surfaces, as indices into the surfaces of the table of loads.
     pub surfaces: [usize; 2],
-    /// Reference length of the body along the axis, m, if fields are available.
+    /// Reference length, m: the distance of the centers of the surfaces, or the length of the body along the axis. `None`
+    /// if neither is known.
     pub length: Option<f64>,
-    /// 1 or -1, so that the elongation is positive if the body becomes longer.
+    /// 1 or -1, so that the elongation is positive if the surfaces move apart, and a shear is positive at the end.
     sign: f64,
 }
 
 impl Extension {
-    /// Determines the direction of the pull; `None` if the table has no rows, no surface moves relative to another, or a
+    /// Determines the direction of the load; `None` if the table has no rows, no surface moves relative to another, or a
     /// rigid surface turns, which moves the sides of the body apart without pulling.
-    /// The fields, with their pseudo-time, give the length of the body and distinguish pulling from pushing.
-    pub fn find(loads: &Loads, fields: Option<(&Fields, f64)>) -> Option<Self> {
+    /// The places of the surfaces give the kind and the length; for surfaces that are not among them, the fields, with their
+    /// pseudo-time, give the length of the body and distinguish pulling from pushing.
+    pub fn find(loads: &Loads, places: &[SurfacePlace], fields: Option<(&Fields, f64)>) -> Option<Self> {
         /// A smaller angle, rad, changes lengths by less than half a percent.
         const TURNED: f64 = 0.1;
-        /// Mean displacements that differ by less than this, relative to the body, are equal.
-        const ROUNDING: f64 = 1e-9;
         let last = loads.rows.last()?;
         let angle = |rigid: &RigidRow| rigid.rotation.iter().map(|r| r * r).sum::<f64>().sqrt();
         if last.rigid.iter().any(|rigid| angle(rigid) > TURNED) {
@@ -51,30 +71,55 @@ impl Extension {
         if apart == 0.0 {
             return None;
         }
-        let mut extension = Self { axis, surfaces, length: None, sign: apart.signum() };
-        if let Some((fields, time)) = fields {
-            let reference = edges(fields.points.iter().copied())[axis];
-            if apart.abs() < ROUNDING * reference {
-                return None;
-            }
-            extension.length = Some(reference).filter(|&length| length > 0.0);
-            let change = edges(deformed(fields))[axis] - reference;
-            let counted = extension.elongation(row_at(loads, time).unwrap_or(last));
-            if change * counted < 0.0 {
-                extension.sign = -extension.sign;
-            }
-        }
-        Some(extension)
+        let moved = Self { kind: Kind::Pull, axis, surfaces, length: None, sign: apart.signum() };
+        let found = match moved.between_centers(loads, places) {
+            Some(between) => moved.of_surfaces(between),
+            None => match fields {
+                Some((fields, time)) => moved.of_body(fields, row_at(loads, time).unwrap_or(last)),
+                None => moved,
+            },
+        };
+        Some(found).filter(|found| found.length.is_none_or(|length| apart.abs() >= ROUNDING * length))
     }
 
-    /// Returns the elongation in a row, m.
+    /// Returns the vector from the center of the first surface to that of the second one, m, if it is known and not zero.
+    fn between_centers(&self, loads: &Loads, places: &[SurfacePlace]) -> Option<[f64; 3]> {
+        let center = |surface: usize| {
+            let name = loads.names.surfaces.get(surface)?;
+            places.iter().find(|place| place.name == *name).map(|place| place.center)
+        };
+        let [from, to] = [center(self.surfaces[0])?, center(self.surfaces[1])?];
+        let between: [f64; 3] = std::array::from_fn(|axis| to[axis] - from[axis]);
+        between.iter().any(|&distance| distance != 0.0).then_some(between)
+    }
+
+    /// Determines the kind and the length, given the vector between the centers of the surfaces, m.
+    fn of_surfaces(self, between: [f64; 3]) -> Self {
+        let along = between[self.axis];
+        let across = between.iter().map(|x| x * x).sum::<f64>() - along * along;
+        if along * along >= across {
+            Self { kind: Kind::Pull, length: Some(along.abs()), sign: along.signum(), ..self }
+        } else {
+            Self { kind: Kind::Shear, length: Some(across.sqrt()), ..self }
+        }
+    }
+
+    /// Determines the length and the sign from the bounding box of the body in the state of a row.
+    fn of_body(self, fields: &Fields, row: &LoadRow) -> Self {
+        let reference = edges(fields.points.iter().copied())[self.axis];
+        let change = edges(deformed(fields))[self.axis] - reference;
+        let sign = if change * self.elongation(row) < 0.0 { -self.sign } else { self.sign };
+        Self { length: Some(reference).filter(|&length| length > 0.0), sign, ..self }
+    }
+
+    /// Returns the elongation, or the displacement of one surface past the other, in a row, m.
     pub fn elongation(&self, row: &LoadRow) -> f64 {
         let [from, to] =
             self.surfaces.map(|surface| row.surfaces.get(surface).map_or(0.0, |s| s.displacement[self.axis]));
         self.sign * (to - from)
     }
 
-    /// Returns the extension in a row (1 for 100 %), or `None` if the reference length of the body is not known.
+    /// Returns the extension or shear in a row (1 for 100 %), or `None` if the reference length of the body is not known.
     pub fn fraction(&self, row: &LoadRow) -> Option<f64> {
         self.length.map(|length| self.elongation(row) / length)
     }
@@ -139,21 +184,45 @@ mod tests {
     fn the_pull_is_along_the_largest_relative_displacement_of_two_surfaces() {
         for by in [0.3, -0.3] {
             let (loads, fields) = pulled_in_z(by);
-            let extension = Extension::find(&loads, Some((&fields, 1.0))).unwrap();
+            let extension = Extension::find(&loads, &[], Some((&fields, 1.0))).unwrap();
             assert_eq!((extension.axis, extension.surfaces, extension.length), (2, [0, 2], Some(2.0)));
             assert!((extension.fraction(&loads.rows[0]).unwrap() - 0.25 * by).abs() < 1e-15, "{by}");
+        }
+    }
+
+    /// The same displacements along z are a pull between surfaces one above the other, and a shear between surfaces beside each
+    /// other, whatever the order of the surfaces.
+    #[test]
+    fn surfaces_beside_each_other_shear_the_body() {
+        let place = |name: &str, center| SurfacePlace { name: name.into(), center };
+        for by in [0.3, -0.3] {
+            let (mut loads, fields) = pulled_in_z(by);
+            loads.names.surfaces = ["a", "b", "c"].map(str::to_owned).to_vec();
+            for (center, kind, expected) in [
+                ([0.5, 0.0, 1.5], Kind::Pull, by / 1.5),
+                ([0.5, 0.0, -1.5], Kind::Pull, -by / 1.5),
+                ([3.0, 4.0, 1.5], Kind::Shear, 0.3 / 5.0),
+            ] {
+                let places = [place("c", [0.0; 3]), place("b", [9.0; 3]), place("a", center)];
+                let extension = Extension::find(&loads, &places, Some((&fields, 1.0))).unwrap();
+                assert_eq!((extension.kind, extension.axis, extension.surfaces), (kind, 2, [0, 2]));
+                assert!((extension.fraction(&loads.rows[1]).unwrap() - expected).abs() < 1e-15, "{by} {center:?}");
+            }
+            let places = [place("a", [0.0; 3]), place("c", [0.0; 3])];
+            let extension = Extension::find(&loads, &places, Some((&fields, 1.0))).unwrap();
+            assert_eq!(extension.length, Some(2.0), "surfaces of the same center: that of the body");
         }
     }
 
     #[test]
     fn without_displacements_or_data_there_is_no_extension() {
         let (loads, mut fields) = pulled_in_z(0.0);
-        assert_eq!(Extension::find(&loads, Some((&fields, 1.0))), None);
-        assert_eq!(Extension::find(&Loads::default(), None), None);
+        assert_eq!(Extension::find(&loads, &[], Some((&fields, 1.0))), None);
+        assert_eq!(Extension::find(&Loads::default(), &[], None), None);
         let (mut turned, _) = pulled_in_z(0.3);
-        assert!(Extension::find(&turned, None).is_some());
+        assert!(Extension::find(&turned, &[], None).is_some());
         turned.rows[1].rigid = vec![RigidRow { rotation: [0.0, 0.2, 0.0], ..RigidRow::default() }];
-        assert_eq!(Extension::find(&turned, None), None);
+        assert_eq!(Extension::find(&turned, &[], None), None);
         assert_eq!(box_extension(&fields), Some(0.0));
         fields.points = vec![[0.0; 3], [1.0, 0.95, 0.5]];
         fields.point_vectors[0].1 = vec![[0.0; 3], [-0.1, 0.19, 5.0]];

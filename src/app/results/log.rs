@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::ResultsError;
 use super::replace::{replace, whole_lines};
 pub use super::scales_log::{ScaleLog, ScalesLog};
+use crate::fem::mesh::{Mesh, Surface};
 pub use crate::tissue::two_scale::{MigrationReport, RankTimes};
 
 /// One line of the log.
@@ -35,7 +36,7 @@ pub enum Event {
 }
 
 /// The size of the problem.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Start {
     /// The title of the run.
@@ -62,6 +63,25 @@ pub struct Start {
     pub version: String,
     /// The last converged step before a resumed run; 0 for a run from the beginning.
     pub resumed_from: usize,
+    /// The surfaces of the undeformed body.
+    pub surfaces: Vec<SurfacePlace>,
+}
+
+/// Where a surface of the undeformed body is.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct SurfacePlace {
+    /// The name.
+    pub name: String,
+    /// The mean position, m.
+    pub center: [f64; 3],
+}
+
+impl SurfacePlace {
+    /// Returns the places of all surfaces of a mesh that have an area.
+    pub fn of_mesh(mesh: &Mesh) -> Vec<Self> {
+        let of = |surface: &Surface| Some(Self { name: surface.name.clone(), center: mesh.surface_center(surface)? });
+        mesh.surfaces().iter().filter_map(of).collect()
+    }
 }
 
 /// A converged step.

@@ -46,7 +46,7 @@ use super::checkpoint::Identity;
 use super::field_files::{FieldFiles, FieldState};
 use super::progress::Progress;
 use super::recorder::{Recorder, ResumePoint};
-use super::results::log::{End, Event, Start};
+use super::results::log::{End, Event, Start, SurfacePlace};
 use super::results::{self, DirectoryLock, ResultsError, ResultsRecord, RunProgress};
 use crate::fem::equilibrium::EquilibriumError;
 use crate::fem::mesh::Mesh;
@@ -62,6 +62,8 @@ pub struct Simulation<B: RealBackend, M = TissueField<B>> {
     stepper: Stepper<B, M>,
     /// The hash of the whole mesh.
     mesh_hash: u64,
+    /// The surfaces of the whole mesh; empty on a process that does not write.
+    surfaces: Vec<SurfacePlace>,
     /// The elements whose networks are written to the results.
     networks: Vec<usize>,
     warnings: Vec<String>,
@@ -243,6 +245,7 @@ impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
             ranks: size.ranks,
             version: env!("CARGO_PKG_VERSION").to_owned(),
             resumed_from: completed_steps,
+            surfaces: self.surfaces.clone(),
         }
     }
 

@@ -15,6 +15,7 @@ use crate::app::macro_scale;
 use crate::app::material_fields::{FieldRange, MaterialFields};
 use crate::app::plausibility::{self, Examination, FloppyNetworks, LoadSize, Plausibility};
 use crate::app::results::ResultsRecord;
+use crate::app::results::log::SurfacePlace;
 use crate::app::rve_device;
 use crate::app::rve_files;
 use crate::fem::boundary::Conditions;
@@ -49,6 +50,8 @@ pub struct Setup<B: RealBackend, M = TissueField<B>> {
     pub(super) case: Case,
     pub(super) mesh: Arc<Mesh>,
     mesh_hash: u64,
+    /// The surfaces of the whole mesh, on the rank that reads it.
+    surfaces: Vec<SurfacePlace>,
     pub(super) conditions: Conditions,
     /// The part of this rank, if the body is divided.
     part: Option<BodyPart>,
@@ -157,6 +160,7 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
             rve_files::points(&case, field.sites())?
         };
         let mesh_hash = hash_of_mesh(&whole);
+        let surfaces = SurfacePlace::of_mesh(&whole);
         send_fields(ranks, fields.as_ref()).map_err(SimulationError::OtherRank)?;
         for rank in 1..ranks.count() {
             let of_part = |divided: &BodyDivision<'_>| PartSetup {
@@ -176,6 +180,7 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
             case,
             mesh: part.as_ref().map_or_else(|| Arc::new(whole), |part| Arc::clone(part.mesh())),
             mesh_hash,
+            surfaces,
             conditions,
             part,
             field,
@@ -213,6 +218,7 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
             case,
             mesh: Arc::clone(part.mesh()),
             mesh_hash,
+            surfaces: Vec::new(),
             conditions,
             part: Some(part),
             field,
@@ -288,7 +294,7 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
     /// Returns [`SimulationError::Setup`] if the linear system cannot be set up or a point of the undeformed body has
     /// no response.
     pub fn simulation(self) -> Result<Simulation<B, M>, SimulationError<B::Error>> {
-        let Self { context, case, mesh, mesh_hash, conditions, part, field, networks, warnings, .. } = self;
+        let Self { context, case, mesh, mesh_hash, surfaces, conditions, part, field, networks, warnings, .. } = self;
         let params = macro_scale::step_params(&case);
         let stepper = match part {
             Some(part) => Stepper::on_part(&context, part, field, params),
@@ -298,7 +304,8 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
             }
         };
         let stepper = stepper.map_err(Box::new)?;
-        Ok(Simulation { case, stepper, mesh_hash, networks, warnings, lock: None, written: ResultsRecord::default() })
+        let (lock, written) = (None, ResultsRecord::default());
+        Ok(Simulation { case, stepper, mesh_hash, surfaces, networks, warnings, lock, written })
     }
 }
 

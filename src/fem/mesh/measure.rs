@@ -180,6 +180,25 @@ impl Mesh {
         sum
     }
 
+    /// Returns the center of a surface of this mesh, m: its mean position. `None` if it has no area.
+    ///
+    /// # Panics
+    /// Panics if a node of the surface does not exist.
+    pub fn surface_center(&self, surface: &Surface) -> Option<[f64; 3]> {
+        let (mut area, mut moment) = (0.0, [0.0; 3]);
+        for (face_type, nodes) in surface.faces.typed() {
+            let positions = self.positions_of(nodes);
+            face_type.integrate(&positions, |values, normal| {
+                let weight = dot(normal, normal).sqrt();
+                area += weight;
+                for (value, position) in values.iter().zip(&positions) {
+                    moment.iter_mut().zip(position).for_each(|(sum, x)| *sum += weight * value * x);
+                }
+            });
+        }
+        (area > 0.0).then(|| moment.map(|moment| moment / area))
+    }
+
     /// Returns the lowest and the highest coordinates, m.
     pub fn bounding_box(&self) -> [[f64; 3]; 2] {
         bounding_box(self.nodes.iter().copied())

@@ -4,7 +4,7 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use super::directory::{Directory, Increment};
-use super::extension::{Extension, row_at};
+use super::extension::{Extension, Kind, row_at};
 use super::picture::{PictureOptions, draw_from};
 use super::units::{escape, prefix, quantity, significant};
 use super::{ReportError, charts, viewer};
@@ -133,11 +133,11 @@ impl<'a> Run<'a> {
             of_row.filter(|entry| Some(*entry) != last).map(|entry| directory.read_fields(entry)).transpose()?;
         let of_time = of_row.zip(other.as_ref().or(last_fields.as_ref())).map(|(entry, fields)| (fields, entry.time));
         let of_time = of_time.or_else(|| last.zip(last_fields.as_ref()).map(|(entry, fields)| (fields, entry.time)));
-        let extension = directory.loads.as_ref().and_then(|loads| Extension::find(loads, of_time));
+        let extension = directory.extension(of_time);
         Ok(Self { directory, increments: directory.increments(), extension, last_fields })
     }
 
-    /// Returns the extension in percent if the length of the body is known, otherwise the elongation in mm.
+    /// Returns the extension or shear in percent if the reference length is known, otherwise the elongation in mm.
     fn extension_of(&self, increment: &Increment) -> Option<f64> {
         let (extension, row) = (self.extension.as_ref()?, increment.row?);
         Some(extension.fraction(row).map_or_else(|| 1e3 * extension.elongation(row), |fraction| 100.0 * fraction))
@@ -148,10 +148,14 @@ impl<'a> Run<'a> {
     }
 
     fn extension_name(&self) -> &'static str {
-        if self.extension_unit() == "%" { "extension" } else { "elongation" }
+        match (self.extension.map(|extension| extension.kind), self.extension_unit()) {
+            (Some(Kind::Shear), _) => "shear",
+            (_, "%") => "extension",
+            _ => "elongation",
+        }
     }
 
-    /// Returns the axis of the pull; x if there is no pull.
+    /// Returns the axis of the pull or shear; x if there is none.
     fn axis(&self) -> usize {
         self.extension.map_or(0, |extension| extension.axis)
     }
@@ -238,10 +242,9 @@ fn facts(directory: &Directory, run: &Run) -> String {
     if let Some(extension) = run.increments.iter().rev().find_map(|increment| run.extension_of(increment)) {
         facts.push((run.extension_name(), format!("{}\u{a0}{}", significant(extension), run.extension_unit())));
     }
-    let largest = run.loaded_surfaces().into_iter().flat_map(|surface| {
-        run.increments.iter().filter_map(move |increment| run.force_of(increment, surface)).map(f64::abs)
-    });
-    if let Some(force) = largest.max_by(f64::total_cmp) {
+    let forces = run.increments.iter().filter_map(|increment| increment.row).flat_map(|row| &row.surfaces);
+    let largest = forces.map(|surface| surface.force.iter().map(|part| part * part).sum::<f64>().sqrt());
+    if let Some(force) = largest.max_by(f64::total_cmp).filter(|&force| force > 0.0) {
         facts.push(("largest force", quantity(force, "N")));
     }
     let stress = run.last_fields.as_ref().and_then(|fields| fields.cell_scalar("von_mises_stress"));

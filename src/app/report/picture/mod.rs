@@ -21,7 +21,7 @@ use nalgebra::Vector3;
 use self::view::{Frame, View};
 use super::ReportError;
 use super::directory::Directory;
-use super::extension::deformed;
+use super::extension::{Kind, deformed};
 use super::nodal::NodalAverages;
 use super::quantity::Quantity;
 use super::skin::BoundaryMesh;
@@ -150,11 +150,12 @@ pub fn draw_from(directory: &Directory, options: &PictureOptions) -> Result<Stri
 }
 
 /// Formats the state: `step 3 · t = 0.3 · extension 12.5 %`.
-fn state(entry: &Entry, extension: Option<f64>) -> String {
+fn state(entry: &Entry, extension: Option<(Kind, f64)>) -> String {
     let step = entry.step().map(|step| format!("step {step}"));
-    let extension = extension.map(|extension| {
+    let extension = extension.map(|(kind, extension)| {
+        let name = if kind == Kind::Shear { "shear" } else { "extension" };
         let extension = if extension.abs() < 1e-9 { 0.0 } else { extension };
-        format!("extension {}\u{a0}%", significant(100.0 * extension))
+        format!("{name} {}\u{a0}%", significant(100.0 * extension))
     });
     let parts = [step, Some(format!("t\u{a0}=\u{a0}{}", significant(entry.time))), extension];
     parts.into_iter().flatten().collect::<Vec<_>>().join("  \u{b7}  ")
