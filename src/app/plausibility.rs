@@ -13,7 +13,7 @@ mod loads;
 mod locking;
 mod shapes;
 
-use crate::app::case::{Case, Formula, RegionMaterial, RigidCase, RveScale, StressScale, SurfaceLoad};
+use crate::app::case::{Case, Formula, MeshSource, RegionMaterial, RigidCase, RveScale, StressScale, SurfaceLoad};
 use crate::fem::mesh::Mesh;
 use crate::las::RealBackend;
 use crate::tissue::micro_scale::Library;
@@ -40,6 +40,10 @@ const SENSIBLE_STIFFNESSES: std::ops::RangeInclusive<f64> = 1.0..=1e12;
 const LARGEST_DISTANCE: f64 = 10.0;
 /// Range of the longest edge of the body, m, outside of which its unit is probably wrong.
 const SENSIBLE_EDGES: std::ops::RangeInclusive<f64> = 1e-5..=5.0;
+
+/// The longest edge of a sample of tissue, m. A mesh file does not tell its unit: a larger body whose case does not state
+/// one either is probably in mm.
+const LARGEST_SAMPLE: f64 = 0.5;
 
 /// The stiffness of a region of the case at rest, Pa.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -128,12 +132,17 @@ fn check_magnitudes(case: &Case, mesh: &Mesh, stiffnesses: &[Stiffness]) -> Plau
 
 /// Finds a body that is too large or too small for tissue, and names the `scale` that its mesh probably needs.
 fn check_size(case: &Case, mesh: &Mesh, edge: f64) -> Option<String> {
-    if SENSIBLE_EDGES.contains(&edge) {
+    let is_sensible = SENSIBLE_EDGES.contains(&edge);
+    let states_unit = case.mesh_scale_line.is_some() || !matches!(case.mesh, MeshSource::File(_));
+    if is_sensible && (states_unit || edge <= LARGEST_SAMPLE) {
         return None;
     }
     let [low, high] = mesh.bounding_box();
     let lengths = [0, 1, 2].map(|axis| short(high[axis] - low[axis])).join(" x ");
     let cure = match case.mesh_scale {
+        _ if is_sensible => {
+            "if the mesh is in mm, set `scale = 0.001` in [mesh]; if it is in m, `scale = 1` confirms that".into()
+        }
         1.0 if edge > *SENSIBLE_EDGES.end() => {
             // The largest length of a mesh unit with which the body is of a sensible size.
             let (scale, unit) = if edge * 1e-3 <= *SENSIBLE_EDGES.end() { ("0.001", "mm") } else { ("1e-6", "um") };

@@ -30,6 +30,8 @@ pub struct Case {
     pub mesh_line: usize,
     /// Length of one mesh unit, m.
     pub mesh_scale: f64,
+    /// Line of the case file that states it; `None` if it is the default of 1.
+    pub mesh_scale_line: Option<usize>,
     /// Elements of order 2 in place of those of the source; `None` leaves the elements as they are.
     pub quadratic: Option<QuadraticCase>,
     /// Regions with their materials.

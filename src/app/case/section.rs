@@ -34,12 +34,16 @@ pub(super) struct MeshSection {
     pub(super) line: usize,
     /// Length of one mesh unit, m.
     pub(super) scale: f64,
+    /// Line of `scale`.
+    pub(super) scale_line: Option<usize>,
     pub(super) quadratic: Option<QuadraticCase>,
 }
 
 pub(super) fn mesh(root: &mut Table<'_>, base: &Path) -> Option<MeshSection> {
     let mut table = root.required_table("mesh", "a section [mesh] with `file` or `generate`")?;
-    let scale = table.number("scale", Range::above(0.0, "m for a mesh unit")).unwrap_or(1.0);
+    let scale = table.get("scale");
+    let scale_line = scale.as_ref().map(|scale| scale.line);
+    let scale = scale.and_then(|scale| scale.number(Range::above(0.0, "m for a mesh unit"))).unwrap_or(1.0);
     let (source, line) = match table.either("file", "generate") {
         Some(Either::First(file)) => {
             let expected =
@@ -51,7 +55,7 @@ pub(super) fn mesh(root: &mut Table<'_>, base: &Path) -> Option<MeshSection> {
     };
     let quadratic = quadratic(&mut table, source.as_ref());
     table.report_unknown_keys();
-    Some(MeshSection { source: source?, line, scale, quadratic })
+    Some(MeshSection { source: source?, line, scale, scale_line, quadratic })
 }
 
 /// Reads the order of the elements and the type of quadratic hexahedra.

@@ -8,6 +8,7 @@ use crate::fiber::law::{FormulaLaw, Parameter, ParameterRange};
 fn placeless(mut case: Case) -> Case {
     case.file.clear();
     case.mesh_line = 0;
+    case.mesh_scale_line = None;
     case.quadratic.iter_mut().for_each(|each| each.line = 0);
     for each in &mut case.regions {
         each.line = 0;
