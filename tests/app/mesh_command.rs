@@ -157,3 +157,24 @@ fn invalid_arguments_are_reported() {
     }
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "a file was created");
 }
+
+/// `mesh info` of a file prints what `mesh box` printed when it wrote the file, and in other units what the scale says.
+#[test]
+fn a_file_is_summarized_as_when_it_was_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let written = summary(&mesh(folder.path(), "box --cells 4,2,1 --size 2,1,0.5 -o box.msh --json"));
+    assert_eq!(summary(&mesh(folder.path(), "info box.msh --json")), written);
+    let scaled = summary(&mesh(folder.path(), "info box.msh --scale 0.5 --json"));
+    assert_eq!((&scaled["volume"], &scaled["surfaces"][1]["area"]), (&0.125.into(), &0.125.into()));
+    let table = mesh(folder.path(), "info box.msh");
+    assert!(String::from_utf8_lossy(&table.stdout).contains("  region    body"));
+    for (arguments, code, expected) in [
+        ("info box.msh --scale 0", 2, "--scale 0: "),
+        ("info absent.msh", 3, "absent.msh: cannot be read"),
+        ("info --scale", 2, "--scale"),
+    ] {
+        let output = mesh(folder.path(), arguments);
+        let text = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.code() == Some(code) && text.contains(expected), "{arguments}: {text}");
+    }
+}

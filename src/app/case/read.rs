@@ -74,7 +74,7 @@ fn read(root: &mut Table<'_>, path: &Path, base: &Path) -> Option<Case> {
     let scales = section::scales(root);
     let any_network = regions.iter().any(|region| matches!(region.material, RegionMaterial::FiberRve(_)));
     let output = section::output(root, base, any_network);
-    let section::MeshSection { source: mesh, line: mesh_line, scale: mesh_scale, quadratic } = mesh?;
+    let section::MeshSection { source: mesh, line: mesh_line, scale: mesh_scale, scale_line, quadratic } = mesh?;
     let stem = || path.file_stem().map_or_else(|| "case".into(), |stem| stem.to_string_lossy().into_owned());
     Some(Case {
         file: path.into(),
@@ -82,6 +82,7 @@ fn read(root: &mut Table<'_>, path: &Path, base: &Path) -> Option<Case> {
         mesh,
         mesh_line,
         mesh_scale,
+        mesh_scale_line: scale_line,
         quadratic,
         regions,
         boundaries,
@@ -116,12 +117,28 @@ fn has_decimal_comma(line: &str) -> bool {
     })
 }
 
+/// Returns the cure if a file with this ending is an input of a case rather than a case.
+fn cure_of_other_file(ending: &str) -> Option<&'static str> {
+    match ending {
+        "msh" | "vtu" | "inp" | "mesh" | "feb" => Some(
+            "this looks like a mesh: name it as `file` in [mesh] of a case, or look at it with `biotissue mesh info`",
+        ),
+        "txt" => Some(
+            "if this is a fiber network, name it in `networks` of a case, or look at it with `biotissue network check`",
+        ),
+        _ => None,
+    }
+}
+
 /// Converts a TOML syntax error to an input error that shows the text of the line.
 fn syntax_error(problems: &Problems<'_>, path: &Path, text: &str, error: &toml::de::Error) -> InputError {
     let line = problems.line_of(error.span().map_or(0, |span| span.start));
     let content = excerpt(text.lines().nth(line - 1).unwrap_or_default());
     let what = format!("not TOML: {} in `{content}`", excerpt(&error.message().replace('\n', ", ")));
-    let (expected, cure) = if has_decimal_comma(&content) {
+    let ending = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
+    let (expected, cure) = if let Some(cure) = cure_of_other_file(&ending) {
+        ("a case: a TOML file that names the mesh, materials and loads", cure)
+    } else if has_decimal_comma(&content) {
         ("numbers with a decimal point, such as 0.5", "write a decimal point instead of the comma")
     } else if error.message().starts_with("duplicate key") {
         (

@@ -1,19 +1,21 @@
-//! `biotissue mesh`: writes the built-in meshes as Gmsh files.
+//! `biotissue mesh`: writes the built-in meshes as Gmsh files, and summarizes mesh files.
 
-use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+mod info;
+mod summary;
 
-use biotissue::fem::element::{CellType, ElementType};
+use std::path::PathBuf;
+
+use biotissue::fem::element::ElementType;
 use biotissue::fem::mesh::gmsh::{self, Version, WriteOptions};
 use biotissue::fem::mesh::shapes::{self, DogboneShape, ShapeError, TubeShape};
-use biotissue::fem::mesh::{Faces, Mesh, MeshError, QuadraticHexahedron, Surface};
+use biotissue::fem::mesh::{Mesh, MeshError, QuadraticHexahedron};
 use clap::{Args, Subcommand, ValueEnum};
 
 use crate::failure::Failure;
 use crate::number::real;
-use crate::output::{make_folder_of, print, print_json};
+use crate::output::make_folder_of;
 
-/// What can be meshed.
+/// A shape to be meshed, or a mesh file to be read.
 #[derive(Subcommand)]
 pub enum MeshCommand {
     /// A box with its lowest corner at the origin: region `body`, surfaces x0 x1 y0 y1 z0 z1
@@ -66,6 +68,8 @@ pub enum MeshCommand {
         #[command(flatten)]
         output: Output,
     },
+    /// Reads a mesh file and lists its regions, surfaces, size and element quality
+    Info(info::InfoArguments),
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -195,7 +199,7 @@ fn three<T: std::str::FromStr + Copy>(text: &str) -> Result<[T; 3], String> {
         .ok_or_else(|| "expected three numbers separated by commas, as in 4,4,4".to_owned())
 }
 
-/// Makes the mesh, writes it and prints a summary.
+/// Makes the mesh, writes it and prints a summary, or prints that of a file.
 pub fn run(command: MeshCommand) -> Result<(), Failure> {
     let is_tube = matches!(command, MeshCommand::Tube { .. });
     let (mesh, order, output) = match command {
@@ -209,6 +213,7 @@ pub fn run(command: MeshCommand) -> Result<(), Failure> {
         MeshCommand::Dogbone { element_size, shape, order, output } => {
             (shapes::dogbone(&shape.shape(), element_size), order, output)
         }
+        MeshCommand::Info(arguments) => return info::run(&arguments),
     };
     let mesh = order.apply(mesh.map_err(|error| shape_failure(&error))?, is_tube)?;
     let version = match output.format {
@@ -218,7 +223,7 @@ pub fn run(command: MeshCommand) -> Result<(), Failure> {
     make_folder_of(&output.file)?;
     gmsh::write_with(&output.file, &mesh, WriteOptions { version, binary: output.binary })
         .map_err(|error| Failure::unwritable(&output.file, &error))?;
-    if output.json { print_json(&json(&output.file, &mesh)) } else { print(&table(&output.file, &mesh)) }
+    summary::print(&output.file, &mesh, output.json)
 }
 
 /// Returns the failure for arguments that do not define a valid shape.
@@ -244,71 +249,4 @@ fn shape_failure(error: &ShapeError) -> Failure {
         }
     };
     Failure::arguments(error.to_string(), expected, cure)
-}
-
-fn table(file: &Path, mesh: &Mesh) -> String {
-    let [low, high] = mesh.bounding_box();
-    let [sharp, blunt] = mesh.dihedral_range();
-    let mut lines = vec![
-        format!("{}", file.display()),
-        format!("  nodes     {:>10}", mesh.nodes().len()),
-        format!("  elements  {:>10}   volume {:.6e} m^3", mesh.elements().len(), mesh.volume()),
-        format!("  types     {}; {} integration points", types(mesh), mesh.points().len()),
-        format!("  box       {low:?} to {high:?} m"),
-        format!("  angles    {sharp:.1} to {blunt:.1} degrees between faces"),
-    ];
-    for (name, elements, volume) in regions(mesh) {
-        lines.push(format!("  region    {name:<8} {elements:>10} elements    volume {volume:.6e} m^3"));
-    }
-    for surface in mesh.surfaces() {
-        let Surface { name, faces } = surface;
-        let area = mesh.surface_area(surface);
-        lines.push(format!("  surface   {name:<8} {:>10} {:<11} area   {area:.6e} m^2", faces.len(), noun(faces)));
-    }
-    lines.join("\n")
-}
-
-/// Lists the elements by type.
-fn types(mesh: &Mesh) -> String {
-    let counts = mesh.elements().count_by_type();
-    counts.iter().map(|(of, count)| format!("{count} {}", of.name())).collect::<Vec<_>>().join(", ")
-}
-
-fn json(file: &Path, mesh: &Mesh) -> serde_json::Value {
-    let regions: Vec<_> = regions(mesh)
-        .map(|(name, elements, volume)| serde_json::json!({ "name": name, "elements": elements, "volume": volume }))
-        .collect();
-    let surface = |surface: &Surface| {
-        serde_json::json!({
-            "name": surface.name,
-            "triangles": surface.faces.typed().filter(|(face_type, _)| face_type.corners() == 3).count(),
-            "quadrilaterals": surface.faces.typed().filter(|(face_type, _)| face_type.corners() == 4).count(),
-            "area": mesh.surface_area(surface),
-        })
-    };
-    serde_json::json!({
-        "file": file.to_string_lossy(),
-        "nodes": mesh.nodes().len(),
-        "elements": mesh.elements().len(),
-        "element_types": mesh.elements().count_by_type().iter().map(|(of, n)| (of.name(), *n)).collect::<BTreeMap<_, _>>(),
-        "integration_points": mesh.points().len(),
-        "volume": mesh.volume(),
-        "bounding_box": mesh.bounding_box(),
-        "dihedral_angles": mesh.dihedral_range(),
-        "regions": regions,
-        "surfaces": mesh.surfaces().iter().map(surface).collect::<Vec<_>>(),
-    })
-}
-
-/// Returns `triangles`, `quadrilaterals`, or `faces` for both.
-fn noun(faces: &Faces) -> &'static str {
-    let mut nouns = faces.blocks().iter().map(|block| block.cell_type().nouns()[1]);
-    nouns.next().filter(|first| nouns.all(|other| other == *first)).unwrap_or("faces")
-}
-
-/// Returns name, number of elements and volume of every region.
-fn regions(mesh: &Mesh) -> impl Iterator<Item = (&str, usize, f64)> {
-    (0..)
-        .zip(mesh.regions().iter().zip(mesh.region_volumes()))
-        .map(|(region, (name, volume))| (name.as_str(), mesh.elements_in(region).count(), volume))
 }
