@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use crate::fiber::equilibrium::Stages;
 use crate::fiber::law::FiberMaterial;
 use crate::fiber::rve::StressScale;
-use crate::las::Method;
+use crate::las::{Method, splitmix64};
 
 pub use super::formula::{CustomMaterial, Formula, Formulas, PointFormulaError, PointFormulas, TransverseFormula};
 
@@ -299,4 +299,11 @@ impl ElementSelection {
 /// Returns the index of the region with this name, or else that of [`OTHER_REGIONS`].
 pub fn find_region<'a>(mut regions: impl Iterator<Item = &'a str> + Clone, name: &str) -> Option<usize> {
     regions.clone().position(|region| region == name).or_else(|| regions.position(|region| region == OTHER_REGIONS))
+}
+
+/// Returns one of `count` networks for a point, by a hash of the seed and the number of the point.
+pub(crate) fn random_network(seed: u64, point: usize, count: usize) -> usize {
+    let scramble = |mut value: u64| splitmix64(&mut value);
+    // The remainder's bias is below count / 2^64.
+    (scramble(seed ^ scramble(point as u64)) % count as u64) as usize
 }

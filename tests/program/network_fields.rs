@@ -115,6 +115,39 @@ fn fields_choose_the_networks_that_a_cycle_chooses() {
 }
 
 /// An array of the cells of the mesh, a .vtu file, or of another file with the same cells.
+/// A pattern that matches all networks in every bin gives each point that which it has by chance among all of them.
+#[test]
+fn stars_choose_among_realizations_by_the_seed() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    line(folder, "network generate --points 25 --count 3 --directory networks").done();
+    let by_chance = |seed: u64| {
+        let networks = format!("networks = \"networks/*.txt\"\nchoose = \"random\"\nseed = {seed}");
+        loads(folder, &bar(&networks, FRACTION), "")
+    };
+    let by_field = |seed: u64, pattern: &str| {
+        let choose = "choose = { k = \"floor(x)\" }";
+        loads(folder, &bar(&format!("networks = \"{pattern}\"\n{choose}\nseed = {seed}"), FRACTION), "")
+    };
+    for name in ["one-0-", "one-1-"] {
+        for number in 1..4 {
+            let from = folder.join(format!("networks/network-000{number}.txt"));
+            std::fs::copy(from, folder.join(format!("{name}{number}.txt"))).unwrap();
+        }
+    }
+    assert_ne!(by_chance(1), by_chance(2));
+    for seed in [1, 2] {
+        assert_eq!(by_field(seed, "one-{k}-*.txt"), by_chance(seed));
+    }
+    std::fs::remove_dir_all(folder.join("out")).unwrap();
+    for number in 1..4 {
+        std::fs::remove_file(folder.join(format!("one-1-{number}.txt"))).unwrap();
+    }
+    let error = line(folder, "check case.toml");
+    let text = error.failed(2);
+    assert!(text.contains("one-1-*.txt, which does not exist (k = 1)"), "{text}");
+}
+
 #[test]
 fn arrays_of_cells_choose_networks() {
     let folder = tempfile::tempdir().unwrap();

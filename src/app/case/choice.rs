@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use super::networks;
 use super::parameter::{FieldCase, FieldSource, ParameterCase};
 use super::range::Range;
 use super::value::Value;
@@ -62,7 +63,8 @@ impl Bins {
     }
 }
 
-/// A path with places for numbers, such as `networks/angle-{angle}-align-{align:02}.txt`.
+/// A path with places for numbers, such as `networks/angle-{angle}-align-{align:02}.txt`. A star stands for any text: of the
+/// files that then match, each point has a random one.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NetworkPattern {
     /// The text in front of each place, and the place: its name and the least number of its digits.
@@ -115,24 +117,37 @@ impl NetworkPattern {
 
     /// Returns the path with the numbers that `number` returns for the names.
     pub fn path(&self, number: impl Fn(&str) -> u32) -> PathBuf {
-        let text = self
-            .parts
-            .iter()
-            .fold(String::new(), |text, (before, name, digits)| format!("{text}{before}{:0digits$}", number(name)));
-        PathBuf::from(text + &self.end)
+        PathBuf::from(self.filled(str::to_owned, |name, digits| format!("{:0digits$}", number(name))))
+    }
+
+    /// Returns the files with these numbers: that of [`NetworkPattern::path`], or all that match its stars, in the order of
+    /// the numbers in their names. Empty if there are none.
+    pub fn files(&self, number: impl Fn(&str) -> u32) -> Vec<PathBuf> {
+        let path = self.path(&number);
+        if path.is_file() {
+            return vec![path];
+        }
+        let glob = self.filled(escaped, |name, digits| format!("{:0digits$}", number(name)));
+        networks::matching(&glob).map_or_else(|_| Vec::new(), |found| found.networks)
     }
 
     /// Returns the pattern of `glob` that matches all paths.
     pub(super) fn glob(&self) -> String {
         let mut glob = String::new();
-        for (before, ..) in &self.parts {
-            glob += &glob::Pattern::escape(before);
+        for letter in self.filled(escaped, |_, _| "*".into()).chars() {
             // Two stars would stand for folders.
-            if !glob.ends_with('*') {
-                glob.push('*');
+            if letter != '*' || !glob.ends_with('*') {
+                glob.push(letter);
             }
         }
-        glob + &glob::Pattern::escape(&self.end)
+        glob
+    }
+
+    /// Returns the path with the texts around the places, and what `place` returns for their names and least numbers of
+    /// digits.
+    fn filled(&self, around: impl Fn(&str) -> String, place: impl Fn(&str, usize) -> String) -> String {
+        let parts = self.parts.iter().map(|(before, name, digits)| around(before) + &place(name, *digits));
+        parts.collect::<String>() + &around(&self.end)
     }
 
     /// Returns the pattern with its folder in front of it.
@@ -159,6 +174,11 @@ impl NetworkPattern {
         };
         self.parts.iter().map(part).collect::<String>() + &escaped(&self.end)
     }
+}
+
+/// Returns the pattern of `glob` that matches a text in which only stars stand for other text.
+fn escaped(text: &str) -> String {
+    text.split('*').map(glob::Pattern::escape).collect::<Vec<_>>().join("*")
 }
 
 impl NetworkChoice {
@@ -276,7 +296,8 @@ mod tests {
         assert_eq!(path, Path::new("a{1}/angle-12_007-12.txt"));
         assert_eq!(pattern.glob(), "a{1}/angle-*_*-*.txt");
         assert_eq!(NetworkPattern::parse(&pattern.text()).unwrap().unwrap(), pattern);
-        assert_eq!(NetworkPattern::parse("{a}{b}").unwrap().unwrap().glob(), "*");
+        assert_eq!(NetworkPattern::parse("{a}{b}{c}").unwrap().unwrap().glob(), "*");
+        assert_eq!(NetworkPattern::parse("a*[{a}*{b}-*.txt").unwrap().unwrap().glob(), "a*[[]*-*.txt");
         let pattern = NetworkPattern::parse("{k}.txt").unwrap().unwrap().in_folder(Path::new("/d[1]"));
         assert_eq!((pattern.path(|_| 3), &*pattern.glob()), (PathBuf::from("/d[1]/3.txt"), "/d[[]1[]]/*.txt"));
     }

@@ -77,8 +77,8 @@ fn matches(value: &Value<'_>, text: &str, base: &Path) -> Option<Listed> {
     } else {
         Path::new(&glob::Pattern::escape(&base.to_string_lossy())).join(text).to_string_lossy().into_owned()
     };
-    let paths = match glob::glob(&whole) {
-        Ok(paths) => paths,
+    let Matching { networks, companions } = match matching(&whole) {
+        Ok(found) => found,
         Err(error) => {
             value.report_error(
                 &format!("has {text:?}, which is not a pattern: {}", error.msg),
@@ -88,16 +88,7 @@ fn matches(value: &Value<'_>, text: &str, base: &Path) -> Option<Listed> {
             return None;
         }
     };
-    let mut companions = 0;
-    let mut found = Vec::new();
-    for path in paths.filter_map(Result::ok).filter(|path| path.is_file()) {
-        if path.extension().is_some_and(|extension| COMPANIONS.iter().any(|&companion| extension == companion)) {
-            companions += 1;
-        } else {
-            found.push(path);
-        }
-    }
-    if found.is_empty() {
+    if networks.is_empty() {
         value.report_error(
             &format!("has {text:?}, which matches no network"),
             EXPECTED,
@@ -105,8 +96,32 @@ fn matches(value: &Value<'_>, text: &str, base: &Path) -> Option<Listed> {
         );
         return None;
     }
-    found.sort_by_cached_key(|path| natural_order(path));
-    Some(Listed { files: found, pattern })
+    Some(Listed { files: networks, pattern })
+}
+
+/// The files that match a pattern.
+pub(super) struct Matching {
+    /// The networks, in the order of the numbers in their names.
+    pub networks: Vec<PathBuf>,
+    /// The number of parameter files.
+    companions: usize,
+}
+
+/// Finds the files that match a pattern of `glob`.
+///
+/// # Errors
+/// Returns the error of `glob` if the text is not a pattern.
+pub(super) fn matching(pattern: &str) -> Result<Matching, glob::PatternError> {
+    let mut found = Matching { networks: Vec::new(), companions: 0 };
+    for path in glob::glob(pattern)?.filter_map(Result::ok).filter(|path| path.is_file()) {
+        if path.extension().is_some_and(|extension| COMPANIONS.iter().any(|&companion| extension == companion)) {
+            found.companions += 1;
+        } else {
+            found.networks.push(path);
+        }
+    }
+    found.networks.sort_by_cached_key(|path| natural_order(path));
+    Ok(found)
 }
 
 /// Returns a key by which paths are sorted so that numbers in them count, `a-2` before `a-10`.

@@ -1,13 +1,14 @@
 //! Networks that are chosen by fields, and fiber volume fractions that vary over the body.
 
 use std::collections::HashMap;
+use std::ops::Range;
 use std::path::PathBuf;
 
 use super::values::Values;
 use super::{Body, Extent, FieldRange, Place, all};
 use crate::app::case::{ChoiceField, FRACTIONS, FieldCase, FormulaCase, NetworkAssignment, NetworkChoice, RveScale};
 use crate::input::{InputError, InputErrors};
-use crate::tissue::materials::{FiberRve, Formulas, PointFractions, PointNetworks};
+use crate::tissue::materials::{FiberRve, Formulas, PointFractions, PointNetworks, random_network};
 
 /// The largest number of a network or of a part of its name.
 const LARGEST: f64 = 4e9;
@@ -23,7 +24,7 @@ pub(super) fn resolve(
         NetworkAssignment::Random => (rve.networks.clone(), NetworkAssignment::Random),
         NetworkAssignment::Cycle => (rve.networks.clone(), NetworkAssignment::Cycle),
         NetworkAssignment::Field(choice) => {
-            let Chosen { networks, of_point, ranges: of_fields } = chosen(body, choice, &rve.networks)?;
+            let Chosen { networks, of_point, ranges: of_fields } = chosen(body, choice, rve)?;
             ranges.extend(of_fields);
             (networks, NetworkAssignment::Field(of_point))
         }
@@ -114,50 +115,69 @@ struct Chosen {
     ranges: Vec<FieldRange>,
 }
 
-/// Evaluates the fields that choose networks.
-fn chosen(body: &Body<'_>, choice: &NetworkChoice, listed: &[PathBuf]) -> Result<Chosen, InputErrors> {
+/// Evaluates the fields that choose networks. If several files match the numbers of a point, it has one of them by the
+/// seed of the material.
+fn chosen(
+    body: &Body<'_>,
+    choice: &NetworkChoice,
+    rve: &FiberRve<FormulaCase, NetworkChoice, FieldCase>,
+) -> Result<Chosen, InputErrors> {
     let elements = body.elements();
     let fields = all(choice.fields.iter().map(|field| Numbers::read(body, field, &elements)))?;
     let mut of_point = vec![PointNetworks::NONE; body.mesh.points().len()];
     let mut extents = vec![Extent::EMPTY; fields.len()];
-    let mut known = HashMap::<Vec<u32>, u32>::new();
-    let mut networks = if choice.pattern.is_some() { Vec::new() } else { listed.to_vec() };
+    let mut candidates = Candidates {
+        networks: if choice.pattern.is_some() { Vec::new() } else { rve.networks.clone() },
+        of_numbers: HashMap::new(),
+    };
     for_each_point(body, &elements, |point, place| {
         let numbers = fields.iter().map(|field| field.at(place)).collect::<Result<Vec<u32>, _>>()?;
         extents.iter_mut().zip(&numbers).for_each(|(extent, &number)| extent.add(number.into()));
-        if let Some(&network) = known.get(&numbers) {
-            of_point[point] = network;
-            return Ok(());
-        }
-        let network = match &choice.pattern {
-            None => {
-                let index = numbers[0] as usize;
-                if index >= listed.len() {
-                    let expected = format!("the index of one of {} networks, from 0", listed.len());
-                    return Err(fields[0].values.error(place, &index.to_string(), &expected, |key| key));
-                }
-                numbers[0]
-            }
-            Some(pattern) => {
-                let number = |name: &str| {
-                    let field = fields.iter().position(|field| field.field.name == name);
-                    field.map_or(0, |field| numbers[field])
-                };
-                let path = pattern.path(number);
-                if !path.is_file() {
-                    return Err(missing(body, choice, place, &numbers, &path));
-                }
-                networks.push(path);
-                (networks.len() - 1) as u32
-            }
+        let number = |name: &str| {
+            let field = fields.iter().position(|field| field.field.name == name);
+            field.map_or(0, |field| numbers[field])
         };
-        known.insert(numbers, network);
-        of_point[point] = network;
+        let found = match &choice.pattern {
+            None => {
+                let count = candidates.networks.len();
+                if numbers[0] as usize >= count {
+                    let expected = format!("the index of one of {count} networks, from 0");
+                    return Err(fields[0].values.error(place, &numbers[0].to_string(), &expected, |key| key));
+                }
+                numbers[0]..numbers[0] + 1
+            }
+            Some(pattern) => candidates.find(&numbers, || pattern.files(number)),
+        };
+        if let (true, Some(pattern)) = (found.is_empty(), &choice.pattern) {
+            return Err(missing(body, choice, place, &numbers, &pattern.path(number)));
+        }
+        of_point[point] = found.start + random_network(rve.seed, point, found.len()) as u32;
         Ok(())
     })?;
     let names = choice.fields.iter().map(|field| format!("choose.{}", field.name));
     let ranges = names.zip(extents).filter_map(|(name, extent)| range(body, name, extent)).collect();
-    Ok(Chosen { networks, of_point: PointNetworks::new(of_point), ranges })
+    Ok(Chosen { networks: candidates.networks, of_point: PointNetworks::new(of_point), ranges })
+}
+
+/// The networks from which points choose.
+struct Candidates {
+    networks: Vec<PathBuf>,
+    /// The indices of those of each combination of numbers that occurs.
+    of_numbers: HashMap<Vec<u32>, Range<u32>>,
+}
+
+impl Candidates {
+    /// Returns the indices of the networks of these numbers; `files` finds them when the numbers first occur.
+    fn find(&mut self, numbers: &[u32], files: impl FnOnce() -> Vec<PathBuf>) -> Range<u32> {
+        if let Some(known) = self.of_numbers.get(numbers) {
+            return known.clone();
+        }
+        let begin = self.networks.len() as u32;
+        self.networks.extend(files());
+        let found = begin..self.networks.len() as u32;
+        self.of_numbers.insert(numbers.to_vec(), found.clone());
+        found
+    }
 }
 
 /// Reports a network that an element needs and that does not exist.

@@ -24,6 +24,7 @@ use crate::las::{Backend, Method, RealBackend, SolverParams};
 use crate::rve_batch::LaneBatch;
 use crate::tissue::materials::{
     FiberRve, Formula, Formulas, Materials, NetworkAssignment, Region, RegionMaterial, RveLifecycle, find_region,
+    random_network,
 };
 
 /// The reason why the materials of a body cannot be set up.
@@ -334,12 +335,6 @@ fn assigned(rve: &FiberRve, point: usize, count: usize) -> usize {
     match &rve.assignment {
         NetworkAssignment::Field(networks) => networks.of_point().get(point).map_or(count, |&network| network as usize),
         NetworkAssignment::Cycle => point % count,
-        // The remainder's bias is below count / 2^64.
-        NetworkAssignment::Random => (scramble(rve.seed ^ scramble(point as u64)) % count as u64) as usize,
+        NetworkAssignment::Random => random_network(rve.seed, point, count),
     }
-}
-
-/// The output function of SplitMix64.
-fn scramble(mut value: u64) -> u64 {
-    crate::las::splitmix64(&mut value)
 }
