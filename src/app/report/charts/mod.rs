@@ -49,6 +49,28 @@ pub fn lines(labels: Labels, lines: &[Line]) -> String {
     chart.svg.finish()
 }
 
+/// Draws lines of numbers of very different sizes: the vertical axis is logarithmic, and values that are not positive are
+/// omitted.
+pub fn lines_by_magnitude(labels: Labels, lines: &[Line]) -> String {
+    let logarithm = |line: &Line| {
+        let points = line.points.iter().map(|&(x, y)| (x, y.log10())).filter(|(_, y)| y.is_finite()).collect();
+        Line { name: line.name.clone(), points }
+    };
+    let lines: Vec<Line> = lines.iter().map(logarithm).collect();
+    let points = || lines.iter().flat_map(|line| line.points.iter().copied());
+    let exponents = range(points().map(|(_, y)| y));
+    let x = Axis::new(range(points().map(|(x, _)| x)), [LEFT, RIGHT], 8, 1.0);
+    let mut y = Axis::new(exponents.start.floor()..exponents.end.ceil(), HEIGHT, 6, 1.0);
+    y.ticks.iter_mut().for_each(|(tick, label)| *label = 10f64.powi(*tick as i32).to_string());
+    let corner = emptiest_corner(&lines, &x.range, &y.range);
+    let mut chart = Chart::new(labels, x, y, true);
+    for (line, color) in lines.iter().zip(COLORS.iter().cycle()) {
+        chart.line(line.points.iter().copied(), color, 2.0);
+    }
+    chart.legend(&lines, corner, false);
+    chart.svg.finish()
+}
+
 /// Draws lines with a logarithmic vertical axis; values that are not positive are omitted.
 pub fn logarithmic(labels: Labels, lines: &[Line]) -> String {
     // The logarithm of a number that is not positive is not finite.
@@ -168,6 +190,21 @@ mod tests {
     }
 
     #[test]
+    fn magnitudes_have_the_same_distance() {
+        let line = Line { name: "a".into(), points: [(1.0, 2.0), (2.0, 20.0), (3.0, 200.0)].to_vec() };
+        let svg = lines_by_magnitude(Labels { chart: "sizes", x: "x", y: "y" }, &[line]);
+        for label in [">1<", ">10<", ">100<", ">1000<"] {
+            assert!(svg.contains(label), "{label}: {svg}");
+        }
+        let drawn = svg.lines().find(|text| text.contains(COLORS[0])).unwrap();
+        let path = drawn.split('"').find(|text| text.starts_with('M')).unwrap();
+        let numbers: Vec<f64> =
+            path.split(|c: char| !c.is_ascii_digit() && c != '.').filter_map(|n| n.parse().ok()).collect();
+        let [_, a, _, b, _, c] = numbers[..] else { panic!("{path}") };
+        assert!(a > b && (a - b - (b - c)).abs() < 0.11, "{path}");
+    }
+
+    #[test]
     fn a_chart_without_data_is_empty() {
         let labels = Labels { chart: "nothing", x: "x", y: "y" };
         let one = [Line { name: "a".into(), points: vec![(1.0, f64::NAN)] }];
@@ -175,6 +212,7 @@ mod tests {
             lines(labels, &[]),
             lines(labels, &one),
             logarithmic(labels, &one),
+            lines_by_magnitude(labels, &one),
             stacked_bars(labels, &[]),
             extension_and_iterations(labels, &[], &[]),
         ] {

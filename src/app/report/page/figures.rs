@@ -1,7 +1,8 @@
 //! The charts of a page: those for which the directory has data.
 
 use super::Run;
-use super::charts::{Labels, Line, extension_and_iterations, lines, logarithmic, stacked_bars};
+use super::charts::{Labels, Line, extension_and_iterations, lines, lines_by_magnitude, logarithmic, stacked_bars};
+use crate::app::report::extension::Kind;
 use crate::app::report::units::prefix;
 use crate::app::results::loads::LoadRow;
 use crate::app::results::log::{NewtonSeconds, RveLog};
@@ -92,6 +93,10 @@ fn over_increments(run: &Run, value: impl Fn(&super::Increment) -> Option<f64>) 
     numbered.filter_map(|(k, increment)| Some(((k + 1) as f64, value(increment)?))).collect()
 }
 
+fn is_shear(run: &Run) -> bool {
+    run.extension.is_some_and(|extension| extension.kind == Kind::Shear)
+}
+
 fn force(run: &Run) -> Option<Figure> {
     let surfaces = run.loaded_surfaces();
     if surfaces.is_empty() || run.extension.is_none() {
@@ -110,14 +115,18 @@ fn force(run: &Run) -> Option<Figure> {
     let all: Vec<Line> = surfaces.into_iter().map(of_surface).collect();
     let axis = ["x", "y", "z"][run.axis()];
     let labels = Labels {
-        chart: "force against extension",
+        chart: if is_shear(run) { "force against shear" } else { "force against extension" },
         x: &format!("{} in {}", run.extension_name(), run.extension_unit()),
         y: &format!("force along {axis} in {prefix}N"),
     };
-    let measure = match run.extension_unit() {
-        "%" => "of mean surface displacements over the length of the body",
-        _ => "of mean surface displacements",
+    // Older results do not know where the surfaces are.
+    let knows_places = run.directory.start.as_ref().is_some_and(|start| !start.surfaces.is_empty());
+    let over = match run.extension_unit() {
+        "%" if knows_places => " over the distance of the surfaces",
+        "%" => " over the length of the body",
+        _ => "",
     };
+    let measure = format!("of mean surface displacements{over}");
     let [from, to] = run.extension.map_or([0, 0], |extension| extension.surfaces);
     let caption = format!(
         "Force on the body through each loaded surface against its {} (difference {measure}, {} to {})",
@@ -135,11 +144,11 @@ fn extension(run: &Run) -> Option<Figure> {
         return None;
     }
     let labels = Labels {
-        chart: "extension and Newton iterations",
+        chart: if is_shear(run) { "shear and Newton iterations" } else { "extension and Newton iterations" },
         x: "load step",
         y: &format!("{} in {} (line)", run.extension_name(), run.extension_unit()),
     };
-    let caption = "Macro-scale body extension and Newton iterations per load step";
+    let caption = format!("Macro-scale body {} and Newton iterations per load step", run.extension_name());
     Some(Figure::new("extension", caption, extension_and_iterations(labels, &extension, &iterations)))
 }
 
@@ -179,7 +188,12 @@ fn rves(run: &Run) -> Option<Figure> {
     }
     let labels = Labels { chart: "RVE iterations", x: "load step", y: "Newton iterations of an RVE" };
     let caption = "Micro-scale Newton iterations per RVE equilibrium, by load step";
-    Some(Figure::new("rve-iterations", caption, lines(labels, &all)))
+    // A few RVEs that take very many iterations would press all other lines to the ground.
+    let largest = |of: &[Line]| of.iter().flat_map(|line| &line.points).map(|&(_, y)| y).fold(0.0, f64::max);
+    let (maximum, others) =
+        all.split_last().map_or((0.0, 0.0), |(last, others)| (largest(&[last.clone()]), largest(others)));
+    let draw = if maximum > 10.0 * others && others > 0.0 { lines_by_magnitude } else { lines };
+    Some(Figure::new("rve-iterations", caption, draw(labels, &all)))
 }
 
 fn convergence(run: &Run) -> Option<Figure> {
