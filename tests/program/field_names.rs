@@ -79,6 +79,11 @@ fn fields_are_those_of_the_materials() {
         "deformation_gradient",
     ];
     assert_eq!(names, expected);
+    // Compressed, all of them take less than 200 bytes for a tetrahedron.
+    let large = pressed.replace("cells = [1, 1, 1]", "cells = [8, 8, 8]").replace("count = 5", "count = 1");
+    run(folder.path(), &large, "--out large").done();
+    let bytes = std::fs::metadata(folder.path().join("large/fields-00001.vtu")).unwrap().len();
+    assert!(bytes / (6 * 8 * 8 * 8) < 200, "{bytes}");
     run(folder.path(), &fibers(&frozen()), "--out networks").done();
     let (names, _) = fields(&folder.path().join("networks"));
     assert!(

@@ -166,6 +166,36 @@ fn lines(
 mod tests {
     use super::*;
 
+    /// Every edge of a visible face is drawn once, with the nearer one of its visible faces; the silhouette and the edges of the
+    /// cube are creases, the diagonals of its sides are not.
+    #[test]
+    fn lines_are_complete() {
+        let points: Vec<_> =
+            (0..8).map(|k| Vector3::new((k & 1) as f64, (k >> 1 & 1) as f64, (k >> 2) as f64)).collect();
+        let elements = vec![[0, 1, 3, 7], [0, 3, 2, 7], [0, 2, 6, 7], [0, 6, 4, 7], [0, 4, 5, 7], [0, 5, 1, 7]];
+        let skin = BoundaryMesh::of(&elements.into());
+        let toward = Vector3::new(1.0, 0.7, 0.4);
+        let visible: Vec<bool> = skin.faces.iter().map(|face| normal(face, &points).dot(&toward) > 0.0).collect();
+        let mut order: Vec<(f64, usize)> =
+            (0..12).filter(|&face| visible[face]).map(|face| (face as f64, face)).collect();
+        order.reverse();
+        let drawn = lines(&skin, &points, &visible, &order);
+        let mut all: Vec<Line> = drawn.values().flatten().copied().collect();
+        all.iter_mut().for_each(|(ends, _)| ends.sort_unstable());
+        all.sort_unstable();
+        // Three sides of four edges and a diagonal each; three of the edges belong to two of them.
+        assert_eq!((all.len(), all.iter().filter(|(_, is_crease)| *is_crease).count()), (12, 9));
+        all.dedup();
+        assert_eq!(all.len(), 12);
+        for edge in &skin.edges {
+            let faces: Vec<usize> = edge.faces.into_iter().filter(|&face| visible[face]).collect();
+            let with = faces
+                .iter()
+                .filter(|face| drawn.get(face).is_some_and(|of| of.iter().any(|line| line.0 == edge.points)));
+            assert_eq!(with.copied().min(), faces.into_iter().min(), "the last one in the order");
+        }
+    }
+
     #[test]
     fn gradients_end_where_the_range_ends() {
         // The value is 2 x + 1.
