@@ -23,8 +23,9 @@ struct State {
 }
 
 impl Heartbeat {
-    /// Calls `report` if nothing was reported for the time `every`. `rves` says what the RVEs do.
-    pub fn start(every: Duration, rves: Option<ProgressSource>, report: impl Fn(&str) + Send + 'static) -> Self {
+    /// Calls `report` if nothing was reported for the time `every`, with a text and the share of the RVEs that are done.
+    /// `rves` says what the RVEs do.
+    pub fn start(every: Duration, rves: Option<ProgressSource>, report: impl Fn(&str, f64) + Send + 'static) -> Self {
         let now = Instant::now();
         let state = Arc::new(Mutex::new(State { text: String::new(), step_began: now, last_report: now }));
         let (sender, receiver) = channel();
@@ -36,7 +37,10 @@ impl Heartbeat {
                 wait = every.saturating_sub(state.last_report.elapsed());
                 if wait.is_zero() {
                     let progress = rves.as_ref().and_then(|rves| rves());
-                    report(&format!("{}{}", state.text, describe(progress, state.step_began.elapsed())));
+                    let done =
+                        progress.as_ref().filter(|all| all.rves > 0).map(|all| all.done as f64 / all.rves as f64);
+                    let text = format!("{}{}", state.text, describe(progress, state.step_began.elapsed()));
+                    report(&text, done.unwrap_or(0.0));
                     (state.last_report, wait) = (Instant::now(), every);
                 }
             }
@@ -92,7 +96,7 @@ mod tests {
     #[test]
     fn silence_is_reported_until_the_end() {
         let (sender, reports) = channel();
-        let heartbeat = Heartbeat::start(Duration::from_millis(20), None, move |text| {
+        let heartbeat = Heartbeat::start(Duration::from_millis(20), None, move |text, _| {
             let _ = sender.send(text.to_owned());
         });
         heartbeat.begin("step 1/2".into());
@@ -107,7 +111,7 @@ mod tests {
     #[test]
     fn frequent_reports_of_the_run_are_enough() {
         let (sender, reports) = channel();
-        let heartbeat = Heartbeat::start(Duration::from_millis(1500), None, move |text| {
+        let heartbeat = Heartbeat::start(Duration::from_millis(1500), None, move |text, _| {
             let _ = sender.send(text.to_owned());
         });
         for step in 1..110 {

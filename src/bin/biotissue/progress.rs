@@ -2,8 +2,8 @@
 
 use std::io::IsTerminal;
 use std::path::Path;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use biotissue::app::Progress;
@@ -21,6 +21,7 @@ use crate::output;
 /// Shows a progress bar on a terminal, otherwise one line per step, and more during a long one.
 pub struct Reporter {
     bar: Option<ProgressBar>,
+    position: Arc<Mutex<Position>>,
     heartbeat: Heartbeat,
     count: usize,
     completed_steps: Arc<AtomicUsize>,
@@ -52,16 +53,23 @@ impl Reporter {
             output::message(&format!("linear solver: {}", size.solver));
         }
         let bar = std::io::stderr().is_terminal().then(|| {
-            let bar = ProgressBar::new(size.steps as u64);
+            let bar = ProgressBar::new((PER_STEP * size.steps as f64) as u64);
             // The duration cannot be estimated before the first step.
-            set_style(&bar, "{bar:32} step {pos}/{len} {elapsed}");
+            set_style(&bar, "{bar:32} {elapsed} {msg}");
             bar.enable_steady_tick(Duration::from_millis(200));
             bar
         });
         let rves = simulation.progress_source();
+        let position = Arc::new(Mutex::new(Position::new(completed_steps)));
         let heartbeat = match bar.clone() {
-            Some(bar) => Heartbeat::start(BAR_EVERY, rves, move |text| bar.set_message(format!("({text})"))),
-            None => Heartbeat::start(report_every, rves, output::message),
+            Some(bar) => {
+                let position = Arc::clone(&position);
+                Heartbeat::start(BAR_EVERY, rves, move |text, rves_done| {
+                    bar.set_position(lock(&position).within(rves_done));
+                    bar.set_message(format!("({text})"));
+                })
+            }
+            None => Heartbeat::start(report_every, rves, |text, _| output::message(text)),
         };
         heartbeat.begin(format!("step {}/{}: start, before its first iteration", completed_steps + 1, size.steps));
         let saved_steps = Arc::new(AtomicUsize::new(completed_steps));
@@ -75,7 +83,7 @@ impl Reporter {
             is_interrupted: Arc::clone(&is_interrupted),
             bar: bar.clone(),
         });
-        Self { bar, heartbeat, count: size.steps, completed_steps, saved_steps, is_interrupted }
+        Self { bar, position, heartbeat, count: size.steps, completed_steps, saved_steps, is_interrupted }
     }
 
     fn message(&self, line: &str) {
@@ -90,6 +98,59 @@ impl Reporter {
             bar.finish_and_clear();
         }
     }
+}
+
+/// Positions of the bar per load step.
+const PER_STEP: f64 = 1000.0;
+
+/// How far the run is: a load step takes as many iterations as those before it did on average.
+struct Position {
+    /// Converged load steps, with the part of the current one that converged in shorter increments.
+    converged: f64,
+    /// Converged increments, and their iterations in all.
+    former: [usize; 2],
+    /// Iterations of the current increment.
+    iterations: usize,
+    /// The last position: a bar does not go back.
+    last: u64,
+}
+
+impl Position {
+    fn new(completed_steps: usize) -> Self {
+        Self { converged: completed_steps as f64, former: [0; 2], iterations: 0, last: 0 }
+    }
+
+    /// Returns the position after so many load steps, the last of which took these iterations.
+    fn converged(&mut self, steps: f64, iterations: usize) -> u64 {
+        self.converged = steps;
+        self.former = [self.former[0] + 1, self.former[1] + iterations];
+        self.iterations = 0;
+        self.within(0.0)
+    }
+
+    /// Returns the position after so many iterations of an increment.
+    fn iterated(&mut self, iterations: usize) -> u64 {
+        self.iterations = iterations;
+        self.within(0.0)
+    }
+
+    /// Returns the position if this share of the RVEs is done in the current evaluation.
+    fn within(&mut self, rves_done: f64) -> u64 {
+        /// Iterations of the first increment, of which nothing is known.
+        const USUAL: f64 = 4.0;
+        /// No increment is as good as done before it converges.
+        const MOST: f64 = 0.95;
+        let [increments, iterations] = self.former;
+        let expected = if increments > 0 { iterations as f64 / increments as f64 } else { USUAL };
+        // A start and as many iterations, each with an evaluation.
+        let part = ((self.iterations as f64 + rves_done) / (expected + 1.0)).min(MOST);
+        self.last = self.last.max((PER_STEP * (self.converged + part)) as u64);
+        self.last
+    }
+}
+
+fn lock(position: &Mutex<Position>) -> MutexGuard<'_, Position> {
+    position.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// How often the bar shows what the RVEs do.
@@ -134,9 +195,9 @@ impl Progress for Reporter {
         );
         match &self.bar {
             Some(bar) => {
-                set_style(bar, "{bar:32} step {pos}/{len} {elapsed} (left {eta}) {msg}");
-                bar.set_position(step.step as u64);
-                bar.set_message(format!("{} iterations", newton.iterations));
+                set_style(bar, "{bar:32} {elapsed} (left {eta}) {msg}");
+                bar.set_position(lock(&self.position).converged(step.t * self.count as f64, newton.iterations));
+                bar.set_message(format!("step {}/{}: {} iterations", step.step, self.count, newton.iterations));
             }
             None => output::message(&line),
         }
@@ -160,6 +221,7 @@ impl Progress for Reporter {
         );
         if let Some(bar) = &self.bar {
             set_style(bar, "{bar:32} {elapsed} {msg}");
+            bar.set_position(lock(&self.position).iterated(newton.iterations));
             bar.set_message(format!("({text})"));
         }
         self.heartbeat.update(text);
@@ -185,5 +247,21 @@ impl Progress for Reporter {
 fn set_style(bar: &ProgressBar, template: &str) {
     if let Ok(style) = ProgressStyle::with_template(template) {
         bar.set_style(style);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_bar_moves_within_a_step_and_never_back() {
+        let mut position = Position::new(2);
+        assert_eq!(position.within(0.0), 2000);
+        assert_eq!([position.within(0.5), position.iterated(1), position.within(0.5)], [2100, 2200, 2300]);
+        // Repeated in shorter increments.
+        assert_eq!([position.iterated(1), position.iterated(9)], [2300, 2950]);
+        assert_eq!(position.converged(2.5, 9), 2950, "half of the step");
+        assert_eq!([position.converged(3.0, 5), position.within(0.8), position.iterated(7)], [3000, 3100, 3875]);
     }
 }
