@@ -3,6 +3,7 @@
 
 mod checks;
 mod constraints;
+mod largest_residual;
 mod linearize;
 mod near_null_space;
 mod problem;
@@ -23,6 +24,7 @@ use super::reactions::BoundaryForces;
 use crate::las::{Backend, RealBackend, ResidualScale, VectorOps};
 use crate::parallel;
 use constraints::Volumes;
+pub use largest_residual::LargestResidual;
 pub use linearize::LinearizedStart;
 use rank_sums::{Divided, RankSums};
 

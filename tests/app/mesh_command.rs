@@ -170,7 +170,7 @@ fn a_file_is_summarized_as_when_it_was_written() {
     assert!(String::from_utf8_lossy(&table.stdout).contains("  region    body"));
     for (arguments, code, expected) in [
         ("info box.msh --scale 0", 2, "--scale 0: "),
-        ("info absent.msh", 3, "absent.msh: cannot be read"),
+        ("info absent.msh", 2, "absent.msh: cannot be read"),
         ("info --scale", 2, "--scale"),
     ] {
         let output = mesh(folder.path(), arguments);

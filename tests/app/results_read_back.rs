@@ -465,7 +465,14 @@ fn the_log_is_read_back_and_survives_an_interruption() {
     let newton = NewtonLog { iterations: 2, residuals: vec![1.0, 0.1, 1e-9], ..NewtonLog::default() };
     let events = [
         Event::Start(Start { title: "a \"title\"\nof two lines".into(), rves: 8, ..Start::default() }),
-        Event::Cut(Cut { step: 1, t: 1.0, reason: "diverged".into(), lost_rve: None, newton: newton.clone() }),
+        Event::Cut(Cut {
+            step: 1,
+            t: 1.0,
+            reason: "diverged".into(),
+            lost_rve: None,
+            newton: newton.clone(),
+            largest_residual: None,
+        }),
         Event::Step(Step {
             step: 1,
             t: 0.5,

@@ -119,7 +119,15 @@ pub fn write(dir: &Path, cells: [usize; 3]) {
         loads.row(&row).unwrap();
         if step == 7 {
             let reason = "element 17: det F = -0.2 <= 0".into();
-            log.write(&Event::Cut(Cut { step, t, reason, lost_rve: None, newton: newton(step) })).unwrap();
+            log.write(&Event::Cut(Cut {
+                step,
+                t,
+                reason,
+                lost_rve: None,
+                newton: newton(step),
+                largest_residual: None,
+            }))
+            .unwrap();
         }
         let rve = Some(RveLog {
             solves: (4 * rves) as u64,

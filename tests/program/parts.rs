@@ -86,6 +86,33 @@ fn bodies_in_parts_give_the_same_loads_and_fields() {
     }
 }
 
+/// The largest residual of a failed attempt is found on whichever rank it is.
+#[test]
+fn the_largest_residual_is_that_of_all_parts() {
+    let _turn = one_at_a_time();
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let text = loaded("tet4", 1).replace("[newton]\n", "[newton]\nmax_iterations = 1\n");
+    let text = text.replace("count = 2\n", "count = 1\nmax_cuts = 0\n");
+    let alone = run(folder, &text, "--out alone --backend sparse");
+    let expected = alone.failed(3);
+    let residual = |out: &str| events(&folder.join(out))[1]["largest_residual"].clone();
+    let of_alone = residual("alone");
+    assert!(expected.contains(&format!("is at node {} (", of_alone["node"])), "{expected}");
+    for above in [2, 5] {
+        write_case(folder, "case.toml", &with_scales(&text, (above, 1)));
+        let failed = launched(folder, above + 1, "run case.toml --backend petsc --out parts").output().unwrap();
+        let message = String::from_utf8_lossy(&failed.stderr);
+        assert!(!failed.status.success() && message.contains("the largest residual force"), "{message}");
+        let of_parts = residual("parts");
+        for key in ["node", "elements", "position"] {
+            assert_eq!(of_parts[key], of_alone[key], "{key}");
+        }
+        let [a, b] = [&of_parts, &of_alone].map(|of| of["force"].as_f64().unwrap());
+        assert!((a - b).abs() < 1e-9 * b, "{a} {b}");
+    }
+}
+
 fn with_conditions(conditions: &str) -> String {
     format!(
         "[mesh]\ngenerate = {{ shape = \"box\", cells = [5, 2, 2], size = [2.5, 1.0, 1.0] }}\n{conditions}\

@@ -233,6 +233,7 @@ impl Recorder<'_> {
             reason: attempt.reason.to_string(),
             lost_rve,
             newton: newton_log(std::slice::from_ref(attempt.newton), seconds, total),
+            largest_residual: attempt.largest_residual.cloned(),
         };
         self.progress.failed(&cut);
         self.log.write(&Event::Cut(cut))

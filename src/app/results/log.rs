@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::ResultsError;
 use super::replace::{replace, whole_lines};
 pub use super::scales_log::{ScaleLog, ScalesLog};
+use crate::fem::equilibrium::LargestResidual;
 use crate::fem::mesh::{Mesh, Surface};
 pub use crate::tissue::two_scale::{MigrationReport, RankTimes};
 
@@ -141,6 +142,9 @@ pub struct Cut {
     /// Newton's method at the macro scale up to the failure.
     #[serde(default)]
     pub newton: NewtonLog,
+    /// Where the residual was largest, if Newton's method ended without a small one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub largest_residual: Option<LargestResidual>,
 }
 
 /// One evaluation of a trial state by Newton's method or its line search, rank by rank.

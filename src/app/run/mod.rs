@@ -268,13 +268,21 @@ impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
                     summary.wasted_iterations += report.wasted_iterations();
                 }
                 Err(SteppingError::Stopped { reason, .. }) => return Err(reason.into()),
-                Err(SteppingError::NotConverged { step, reached, halvings, reason, .. }) => {
+                Err(SteppingError::NotConverged { step, reached, halvings, reason, largest_residual, .. }) => {
                     // The run may be continued with other settings.
                     if self.stepper.completed_steps() > saved && !is_final(&reason) {
                         self.write_checkpoint(dir, recorder, &identity)?;
                     }
                     let (reason, failed_rve) = (Box::new(reason), recorder.failed_rve());
-                    return Err(RunError::NotConverged { step, count, reached, halvings, reason, failed_rve });
+                    return Err(RunError::NotConverged {
+                        step,
+                        count,
+                        reached,
+                        halvings,
+                        reason,
+                        failed_rve,
+                        largest_residual,
+                    });
                 }
             }
             let step = self.stepper.completed_steps();

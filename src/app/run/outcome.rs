@@ -7,6 +7,7 @@ use thiserror::Error;
 use crate::app::checkpoint::CheckpointError;
 use crate::app::results::ResultsError;
 use crate::app::results::log::ScalesLog;
+use crate::fem::equilibrium::LargestResidual;
 use crate::fem::stepping::{RestoreError, StepFailure};
 use crate::tissue::micro_scale::{FieldRestoreError, TissueFieldError};
 
@@ -28,6 +29,8 @@ pub enum RunError<F: std::error::Error + 'static> {
         reason: Box<StepFailure<TissueFieldError, F>>,
         /// The file that reproduces the failure of an RVE, if that was the reason.
         failed_rve: Option<PathBuf>,
+        /// Where the residual of the body was largest in the last attempt, if Newton's method ended without a small one.
+        largest_residual: Option<LargestResidual>,
     },
     /// The observer of the run has ended it after this load step, which has a checkpoint.
     #[error("interrupted after load step {0}")]

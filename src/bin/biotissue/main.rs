@@ -59,7 +59,7 @@ enum Command {
     /// Make, examine and clean fiber networks
     #[command(subcommand)]
     Network(network::NetworkCommand),
-    /// Write the built-in meshes
+    /// Write the built-in meshes, or summarize a mesh file
     #[command(subcommand)]
     Mesh(mesh::MeshCommand),
     Report(report::ReportCommand),

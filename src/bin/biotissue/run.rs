@@ -367,11 +367,13 @@ pub fn take_steps<B: ProgramBackend, M: TissueMaterial>(
             let directory = dir.to_owned();
             Ok(Summary { converged: true, steps, iterations, cuts, wasted_iterations, seconds, scales, directory })
         }
-        Err(RunError::NotConverged { step, count, reached, halvings, reason, failed_rve }) => {
+        Err(RunError::NotConverged { step, count, reached, halvings, reason, failed_rve, largest_residual }) => {
             let case = simulation.case();
             let (increments, named) = (increments_tried(case, halvings), constraint_of(case, &reason));
             let what = format!("load step {step} of {count} does not converge, {increments}: {reason}{named}");
-            let place = format!("t = {reached}; {}{}", on_disk(step - 1, dir), replay_hint(failed_rve.as_deref()));
+            let residual = largest_residual.map_or_else(String::new, |residual| format!("{residual}; "));
+            let hint = replay_hint(failed_rve.as_deref());
+            let place = format!("t = {reached}; {residual}{}{hint}", on_disk(step - 1, dir));
             let cure = cure_of_step(&reason, case);
             Err(Failure::not_converged(what, place, expected_of_step(&reason), cure))
         }

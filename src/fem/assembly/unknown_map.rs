@@ -65,6 +65,24 @@ impl<B: RealBackend> Assembler<B> {
         of_nodes.into_iter().sum::<f64>() + of_surfaces
     }
 
+    /// Returns the node with the largest of the `forces`, N, of whose components only those at free unknowns with rows on
+    /// this rank count, and that force; `None` without such components. The forces on nodes with frames are replaced by their
+    /// components along the frames.
+    ///
+    /// # Panics
+    /// Panics if `forces` has fewer nodes than the mesh.
+    pub fn largest_free(&self, forces: &mut [[f64; 3]]) -> Option<(usize, f64)> {
+        self.kinematics.rotate_to_frames(forces);
+        let is_own = |equation: &B::Index| equation.position().is_some_and(|row| row < self.rows);
+        let force = |(node, (equations, force)): (usize, (&[B::Index], &[f64; 3]))| {
+            let free = || equations.iter().zip(force).filter(|(equation, _)| is_own(equation));
+            let square: f64 = free().map(|(_, force)| force * force).sum();
+            (free().next().is_some() && !square.is_nan()).then(|| (node, square.sqrt()))
+        };
+        let forces = self.equation_numbers.chunks(3).zip(forces.iter()).enumerate();
+        forces.filter_map(force).max_by(|(_, a), (_, b)| a.total_cmp(b))
+    }
+
     /// Adds `a` times the `direction` of the unknowns to the displacements of all nodes, m, and to the motions of the
     /// rigid surfaces. `nodal` is overwritten; it has one entry per node.
     ///

@@ -1,7 +1,7 @@
 //! An attempt at an increment: from the committed state to an equilibrium that may be committed.
 
 use super::{StepFailure, StepReport, StepStart, Stepper, Watch};
-use crate::fem::equilibrium::{Equilibrium, EquilibriumError};
+use crate::fem::equilibrium::{Equilibrium, EquilibriumError, LargestResidual};
 use crate::fem::point_field::PointField;
 use crate::las::{
     Backend, NewtonError, NewtonFailure, NewtonParams, NewtonReport, NonlinearProblem, RealBackend, SolveError,
@@ -22,6 +22,8 @@ pub(super) struct Failed<E, F> {
     pub unrecoverable: bool,
     /// True if the attempt failed at its start, so that the other start may help.
     pub at_start: bool,
+    /// Where the residual is largest.
+    pub largest_residual: Option<LargestResidual>,
 }
 
 impl<B: RealBackend, P: PointField> Stepper<B, P> {
@@ -114,6 +116,7 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
                         at_start: true,
                         reason: NewtonError::Solve(error),
                         newton: NewtonReport::default(),
+                        largest_residual: None,
                     })
                 })?;
                 report.add_linearized(&start);
@@ -125,6 +128,18 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
             let at_start = start == StepStart::Prescribed && Self::failed_at_first_residual(&failure);
             Box::new(Failed { at_start, ..*Self::failed(failure) })
         })
+    }
+
+    /// Finds the largest residual force of an attempt in which Newton's method ended without a small residual, before the
+    /// state is reverted.
+    pub(super) fn locate_residual(
+        &mut self,
+        failed: &mut Failed<P::Error, B::Error>,
+    ) -> Result<(), EquilibriumError<P::Error, B::Error>> {
+        if matches!(failed.reason, NewtonError::LineSearch { .. } | NewtonError::TooManyIterations { .. }) {
+            failed.largest_residual = self.body.largest_residual().map_err(EquilibriumError::Backend)?;
+        }
+        Ok(())
     }
 
     /// Returns true if Newton failed at its first residual for a reason that another start may avoid.
@@ -144,7 +159,7 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
             NewtonError::Problem(error) => <Equilibrium<B, P> as NonlinearProblem<B>>::is_final(error),
             _ => false,
         };
-        Box::new(Failed { reason, newton: *report, unrecoverable, at_start: false })
+        Box::new(Failed { reason, newton: *report, unrecoverable, at_start: false, largest_residual: None })
     }
 
     /// Converts the error of a converged state that cannot be committed; a smaller increment may help.
@@ -157,6 +172,12 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
         error: EquilibriumError<P::Error, B::Error>,
         newton: NewtonReport,
     ) -> FailedAttemptOf<B, P> {
-        Box::new(Failed { reason: NewtonError::Problem(error), newton, unrecoverable: true, at_start: false })
+        Box::new(Failed {
+            reason: NewtonError::Problem(error),
+            newton,
+            unrecoverable: true,
+            at_start: false,
+            largest_residual: None,
+        })
     }
 }

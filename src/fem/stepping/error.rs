@@ -5,7 +5,7 @@ use thiserror::Error;
 use crate::fem::assembly::GeometryError;
 use crate::fem::boundary::BoundaryError;
 use crate::fem::constraint::ConstraintError;
-use crate::fem::equilibrium::EquilibriumError;
+use crate::fem::equilibrium::{EquilibriumError, LargestResidual};
 use crate::fem::rigid_modes::UnderconstrainedBody;
 use crate::las::{NewtonError, SolveError, SparsityError};
 
@@ -60,6 +60,8 @@ pub enum SteppingError<E: std::fmt::Display, F: std::fmt::Display, O> {
         halvings: u32,
         /// The reason for the failure of the last attempt.
         reason: StepFailure<E, F>,
+        /// Where the residual was largest then, if Newton's method ended without a small one.
+        largest_residual: Option<LargestResidual>,
     },
     /// The observer stopped the run.
     #[error("the run was stopped in step {step}, t = {t}: {reason}")]

@@ -219,7 +219,7 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
         let mut watch = |newton: &NewtonReport| observer.iterating(&Iterating { step, count, t, newton });
         let outcome = match self.attempt(t, report, &mut solves, &mut watch) {
             Ok(()) => self.body.commit().map_err(|error| Self::unrecoverable(error, NewtonReport::default())),
-            Err(failed) => match self.body.revert() {
+            Err(mut failed) => match self.locate_residual(&mut failed).and_then(|()| self.body.revert()) {
                 Ok(()) => Err(failed),
                 Err(error) => Err(Self::unrecoverable(error, failed.newton)),
             },
@@ -250,14 +250,33 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
         &mut self,
         Span { step, from, t }: Span,
         taken: f64,
-        Failed { reason, newton, unrecoverable, .. }: Failed<P::Error, B::Error>,
+        Failed { reason, newton, unrecoverable, largest_residual, .. }: Failed<P::Error, B::Error>,
         observer: &mut O,
     ) -> Result<(), RunError<B, P, O::Error>> {
         let (increment, halvings, field) = (t - from, self.increments.halvings, self.body.field());
-        let attempt = FailedAttempt { step, t, increment, halvings, reason: &reason, newton: &newton, field };
+        let (reason_of, newton, residual) = (&reason, &newton, largest_residual.as_ref());
+        let attempt = FailedAttempt {
+            step,
+            t,
+            increment,
+            halvings,
+            reason: reason_of,
+            field,
+            newton,
+            largest_residual: residual,
+        };
         observer.failed(&attempt).map_err(|reason| SteppingError::Stopped { step, t: from, reason })?;
         if unrecoverable || !self.increments.halve(taken) {
-            return Err(SteppingError::NotConverged { step, t, reached: from, increment, halvings, reason });
+            let reached = from;
+            return Err(SteppingError::NotConverged {
+                step,
+                t,
+                reached,
+                increment,
+                halvings,
+                reason,
+                largest_residual,
+            });
         }
         Ok(())
     }

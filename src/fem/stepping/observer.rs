@@ -4,7 +4,7 @@ use std::convert::Infallible;
 
 use super::{StepFailure, StepReport};
 use crate::fem::constraint::Constraints;
-use crate::fem::equilibrium::BodyState;
+use crate::fem::equilibrium::{BodyState, LargestResidual};
 use crate::fem::mesh::Mesh;
 use crate::fem::point_field::PointField;
 use crate::fem::reactions::BoundaryForces;
@@ -104,4 +104,6 @@ pub struct FailedAttempt<'a, P: PointField, F: std::error::Error> {
     /// The Newton report of the failure, or of the last converged solve if the state could not be committed; empty if
     /// the linearized start failed.
     pub newton: &'a NewtonReport,
+    /// Where the residual is largest, if Newton's method ended without a small one.
+    pub largest_residual: Option<&'a LargestResidual>,
 }

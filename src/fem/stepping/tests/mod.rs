@@ -6,11 +6,11 @@ use thiserror::Error;
 use super::*;
 use crate::backends::sparse::Sparse;
 use crate::fem::boundary::{BodyForce, Conditions, LoadCurve, SurfaceCondition};
-use crate::fem::equilibrium::EquilibriumError;
+use crate::fem::equilibrium::{EquilibriumError, LargestResidual};
 use crate::fem::material::{MaterialError, NeoHookean};
 use crate::fem::mesh::shapes;
 use crate::fem::point_field::{FormulaField, PointError, PointResponses};
-use crate::las::{NewtonError, SolveError};
+use crate::las::{NewtonError, NewtonParams, SolveError};
 
 const MATERIAL: NeoHookean = NeoHookean { mu: 3.0e3, lambda: 5.0e3 };
 
@@ -179,7 +179,7 @@ fn a_body_pressed_through_itself_keeps_its_last_state() {
     let params = StepParams { count: 5, max_cuts: 3, ..StepParams::default() };
     let mut stepper = stepper(&mesh, &pushed(-1.2), formula(&mesh), params);
     let error = stepper.run(&mut log).unwrap_err();
-    let SteppingError::NotConverged { step, t, reached, increment, halvings, reason } = error else {
+    let SteppingError::NotConverged { step, t, reached, increment, halvings, reason, .. } = error else {
         panic!("{error}");
     };
     assert_eq!((step, halvings), (log.converged.len() + 1, 3), "{reason}");
@@ -195,6 +195,27 @@ fn a_body_pressed_through_itself_keeps_its_last_state() {
     assert!(moved.count() > 0 && state.gradients.iter().all(|f| f.determinant() > 0.0));
     let (sum, scale) = (stepper.forces().sum(), stepper.forces().surfaces[0].force[0].abs());
     assert!(sum.iter().all(|f| f.abs() < 1e-7 * scale), "{sum:?} of {scale}");
+}
+
+#[test]
+fn an_attempt_without_equilibrium_names_the_largest_residual() {
+    let mesh = bar(4);
+    let newton = NewtonParams { max_iterations: 1, ..NewtonParams::default() };
+    let params = StepParams { count: 1, max_cuts: 0, newton, ..StepParams::default() };
+    let mut stepper = stepper(&mesh, &pushed(0.3), formula(&mesh), params);
+    let error = stepper.run(&mut ()).unwrap_err();
+    let SteppingError::NotConverged {
+        reason: NewtonError::TooManyIterations { residual, .. },
+        largest_residual: Some(LargestResidual { node, position, force, elements }),
+        ..
+    } = error
+    else {
+        panic!("{error}");
+    };
+    assert!(force <= residual && force > residual / (mesh.nodes().len() as f64).sqrt(), "{force} of {residual}");
+    assert!(position == mesh.nodes()[node] && position[0].abs() < 1.0, "a free node: {position:?}");
+    let at_node = (0..mesh.elements().len()).filter(|&element| mesh.elements()[element].contains(&(node as u32)));
+    assert_eq!(elements, at_node.take(4).collect::<Vec<_>>());
 }
 
 #[test]
