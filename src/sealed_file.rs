@@ -11,7 +11,7 @@ use crate::output;
 
 const MAGIC: &[u8; 8] = b"BIOTISSU";
 /// The version of the format, incremented whenever the content of one of the files changes.
-pub(crate) const VERSION: u32 = 7;
+pub(crate) const VERSION: u32 = 8;
 /// Number of bytes before the content.
 pub(crate) const HEAD: usize = MAGIC.len() + size_of::<u32>();
 /// Number of bytes after the content.

@@ -125,11 +125,12 @@ fn assert_same(a: &Path, b: &Path) {
     }
 }
 
-/// Returns the main files of the checkpoints, after checking that each has its piece and that there are no other files.
+/// Returns the main files of the checkpoints, after checking that each has its pieces and that there are no other files.
 fn checkpoints(dir: &Path) -> Vec<String> {
     let (mains, pieces): (Vec<String>, Vec<String>) =
-        checkpoint_files(dir).into_iter().partition(|name| !name.contains("-part-"));
-    let expected: Vec<String> = mains.iter().map(|name| name.replace(".bin", "-part-0000.bin")).collect();
+        checkpoint_files(dir).into_iter().partition(|name| name.matches('-').count() == 1);
+    let of_main = |name: &String| ["-body-0000.bin", "-part-0000.bin"].map(|end| name.replace(".bin", end));
+    let expected: Vec<String> = mains.iter().flat_map(of_main).collect();
     assert_eq!(pieces, expected);
     mains
 }

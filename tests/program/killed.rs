@@ -99,7 +99,7 @@ impl KilledRun {
         assert_eq!(steps, (1..=10).collect::<Vec<u64>>(), "{what}");
         let (found, expected) = (self.checkpoints(out), self.checkpoints("whole"));
         let main = |files: &[String]| -> Vec<String> {
-            files.iter().filter(|name| !name.contains("-part-")).cloned().collect()
+            files.iter().filter(|name| name.matches('-').count() == 1).cloned().collect()
         };
         assert_eq!(main(&found), main(&expected), "{what}");
         assert!(found.iter().all(|name| name.starts_with("step-")), "{what}: {found:?}");
@@ -148,15 +148,17 @@ fn kill_everywhere(scales: Scales, others: Scales) {
             assert!(message.contains(&format!("continuing after step {step} of 10")), "{what}: {message}");
             assert!(!message.contains("warning"), "{what}: {message}");
             killed.assert_same("resumed", &what);
-            let pieces = killed.checkpoints("resumed").iter().filter(|name| name.contains("-part-")).count();
+            let count = |kind: &str| killed.checkpoints("resumed").iter().filter(|name| name.contains(kind)).count();
+            let (pieces, of_body) = (count("-part-"), count("-body-"));
+            assert_eq!(of_body, 2, "{what}: the body is not divided");
             // Of two checkpoints, of which that of step 9 may have been written before. A rank without RVEs writes none.
             let of_9 = if step == 9 { scales.1 } else { split.1 };
             assert!((2..=of_9 + split.1).contains(&pieces), "{what}: {pieces} pieces");
         }
     }
     assert!(resumed_after.is_sorted() && resumed_after.contains(&9), "{resumed_after:?}");
-    // Each rank opens, writes, and syncs a piece.
-    assert!(resumed_after.iter().filter(|&&step| step == 8).count() > 5 * scales.1, "{resumed_after:?}");
+    // Each rank of the micro scale opens, writes, and syncs a piece, as the first one of the body does.
+    assert!(resumed_after.iter().filter(|&&step| step == 8).count() > 5 * (scales.1 + 1), "{resumed_after:?}");
 }
 
 #[test]
@@ -200,6 +202,25 @@ mod processes {
     use super::*;
     use crate::ranks::processes::{launched, one_at_a_time};
 
+    /// Ranks and their operations: the first process of the body writes a piece, looks for all pieces, writes the main file
+    /// and removes old ones; the last process, of the RVEs, writes a piece.
+    const MOMENTS: [(usize, usize); 14] = [
+        (0, 1),
+        (0, 2),
+        (0, 4),
+        (0, 5),
+        (0, 7),
+        (0, 9),
+        (0, 11),
+        (0, 12),
+        (0, 13),
+        (0, 14),
+        (0, 16),
+        (3, 1),
+        (3, 3),
+        (3, 5),
+    ];
+
     impl KilledRun {
         fn launch(&self, out: &str, scales: Scales, options: &str, killed: Option<(usize, usize)>) -> Ended {
             let arguments = self.arguments(out, scales, options).join(" ");
@@ -212,9 +233,9 @@ mod processes {
         }
     }
 
-    /// Kills the first process of the body and the last one of the RVEs at some of their operations, and resumes the run
-    /// on both splits; `compare` compares the loads with those of the uninterrupted run.
-    fn kill_processes(backend: &str, splits: [Scales; 2], compare: impl Fn(&str, &str)) {
+    /// Kills some processes at some of their operations, given as ranks and operations, and resumes the run on both splits;
+    /// `compare` compares the loads with those of the uninterrupted run.
+    fn kill_processes(backend: &str, splits: [Scales; 2], moments: &[(usize, usize)], compare: impl Fn(&str, &str)) {
         let _turn = one_at_a_time();
         let Some(killed) = KilledRun::new() else { return };
         let whole = read(killed.folder.path(), "whole/loads.csv");
@@ -227,9 +248,8 @@ mod processes {
         // The other ranks may have written their pieces, whose removal would count.
         let unfinished = begun.iter().filter(|name| name.contains("step-00009"));
         unfinished.for_each(|name| std::fs::remove_file(killed.path("begun/checkpoint").join(name)).unwrap());
-        let last = splits[0].0 + splits[0].1 - 1;
         let mut steps = Vec::new();
-        for (rank, operation) in [(0, 1), (0, 4), (0, 6), (0, 7), (0, 8), (0, 10), (last, 1), (last, 3), (last, 5)] {
+        for &(rank, operation) in moments {
             killed.copy("begun", "killed");
             let ended = killed.launch("killed", splits[0], &options, Some((rank, operation)));
             assert!(!ended.0.status.success(), "{rank} {operation}: {}", ended.stderr());
@@ -249,12 +269,15 @@ mod processes {
 
     #[test]
     fn a_run_on_processes_killed_at_a_write_of_a_checkpoint_is_resumed() {
-        kill_processes("sparse", [(1, 3), (2, 2)], |found, whole| assert_eq!(found, whole));
+        let same = |found: &str, whole: &str| assert_eq!(found, whole);
+        kill_processes("sparse", [(1, 3), (2, 2)], &MOMENTS, same);
     }
 
     #[cfg(feature = "petsc")]
     #[test]
     fn a_run_on_petsc_killed_at_a_write_of_a_checkpoint_is_resumed() {
-        kill_processes("petsc", [(2, 2), (1, 1)], crate::ranks::processes::assert_same_to_rounding);
+        // The second process has a part of the body, too.
+        let moments = [&MOMENTS[..], &[(1, 1), (1, 2), (1, 3), (1, 5)]].concat();
+        kill_processes("petsc", [(2, 2), (1, 1)], &moments, crate::ranks::processes::assert_same_to_rounding);
     }
 }

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 use std::path::Path;
+use std::process::Command;
 
 use biotissue::app::results::{Fields, PointValues, read_fields, read_points};
 
@@ -290,12 +291,104 @@ fn a_body_in_parts_is_resumed_with_other_parts() {
     write_case(folder, "case.toml", &with_scales(&text, (3, 1)));
     mpirun_done(folder, 4, "run case.toml --backend petsc --out parts");
     let last = folder.join("parts/checkpoint/step-00002.bin");
+    assert_eq!(body_pieces(folder, 2), 3);
     for (above, below) in [(2, 2), (1, 1), (4, 1)] {
         std::fs::remove_file(&last).unwrap();
         write_case(folder, "case.toml", &with_scales(&text, (above, below)));
         mpirun_done(folder, above + below, "run case.toml --backend petsc --out parts --resume");
         assert_same_to_rounding(&read(folder, "parts/loads.csv"), &read(folder, "alone/loads.csv"));
+        assert_eq!(body_pieces(folder, 2), above);
     }
+}
+
+/// Returns the number of body pieces in the checkpoint of a step.
+fn body_pieces(folder: &Path, step: usize) -> usize {
+    let begin = format!("step-{step:05}-body-");
+    let entries = std::fs::read_dir(folder.join("parts/checkpoint")).unwrap();
+    entries.filter(|entry| entry.as_ref().unwrap().file_name().to_str().unwrap().starts_with(&begin)).count()
+}
+
+/// A body piece that is damaged or missing makes all ranks use the checkpoint before, also the ranks that do not need it.
+#[test]
+fn a_lost_body_piece_makes_all_ranks_use_the_checkpoint_before() {
+    let _turn = one_at_a_time();
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let text = loaded("tet4", 1);
+    run(folder, &text, "--out alone --backend sparse").done();
+    let last = folder.join("parts/checkpoint/step-00002-body-0001.bin");
+    let changes: [(&str, &dyn Fn()); 2] = [
+        ("step-00002-body-0001.bin: is missing; trying the one before", &|| std::fs::remove_file(&last).unwrap()),
+        ("step-00002-body-0001.bin: damaged: its ", &|| {
+            let mut bytes = std::fs::read(&last).unwrap();
+            bytes[100] ^= 4;
+            std::fs::write(&last, bytes).unwrap();
+        }),
+    ];
+    for (message, change) in changes {
+        for scales in [(3, 1), (2, 1), (1, 1)] {
+            write_case(folder, "case.toml", &with_scales(&text, (3, 1)));
+            mpirun_done(folder, 4, "run case.toml --backend petsc --out parts");
+            change();
+            write_case(folder, "case.toml", &with_scales(&text, scales));
+            let arguments = "run case.toml --backend petsc --out parts --resume";
+            let resumed = launched(folder, scales.0 + scales.1, arguments).output().unwrap();
+            let warned = String::from_utf8_lossy(&resumed.stderr);
+            assert!(resumed.status.success() && warned.matches(message).count() == 1, "{scales:?}: {warned}");
+            assert!(warned.contains("continuing after step 1 of 2"), "{scales:?}: {warned}");
+            assert_same_to_rounding(&read(folder, "parts/loads.csv"), &read(folder, "alone/loads.csv"));
+        }
+    }
+    // Without a checkpoint before, the run ends.
+    std::fs::remove_file(folder.join("parts/checkpoint/step-00001.bin")).unwrap();
+    let last = folder.join("parts/checkpoint/step-00002-body-0000.bin");
+    std::fs::write(&last, "BIOTISSU").unwrap();
+    let failed = launched(folder, 2, "run case.toml --backend petsc --out parts --resume").output().unwrap();
+    let message = String::from_utf8_lossy(&failed.stderr);
+    assert_eq!(failed.status.code(), Some(2), "{message}");
+    assert!(message.contains("step-00002-body-0000.bin: damaged: ends after 8 bytes"), "{message}");
+}
+
+/// Only the second rank finds a piece damaged, in a folder of its own: the first one does not go on without it.
+#[test]
+fn a_body_piece_that_one_rank_cannot_read_is_reported_by_all() {
+    let _turn = one_at_a_time();
+    let folder = tempfile::tempdir().unwrap();
+    let [first, second] = ["first", "second"].map(|name| folder.path().join(name));
+    let arguments = "run case.toml --backend petsc --out parts";
+    let damaged = "parts/checkpoint/step-00002-body-0000.bin";
+    std::fs::create_dir(&first).unwrap();
+    write_case(&first, "case.toml", &with_scales(&loaded("tet4", 1), (2, 1)));
+    let resumed = |has_one_before: bool| {
+        mpirun_done(&first, 3, arguments);
+        if !has_one_before {
+            std::fs::remove_file(first.join("parts/checkpoint/step-00001.bin")).unwrap();
+        }
+        let _ = std::fs::remove_dir_all(&second);
+        assert!(Command::new("cp").arg("-r").args([&first, &second]).status().unwrap().success());
+        std::fs::write(second.join(damaged), "BIOTISSU").unwrap();
+        let mut command = launched(&first, 1, &format!("{arguments} --resume"));
+        for folder in [&second, &first] {
+            let rank = [":", "-n", "1", "--wdir", folder.to_str().unwrap(), env!("CARGO_BIN_EXE_biotissue")];
+            command.args(rank).args(arguments.split(' ')).arg("--resume");
+        }
+        // Ranks that do not agree would wait for each other.
+        let output = command.env("MPIEXEC_TIMEOUT", "60").output().unwrap();
+        assert!(!output.status.success());
+        String::from_utf8_lossy(&output.stderr).into_owned()
+    };
+    let (message, found) = (resumed(true), format!("rank 1 failed: {damaged}: damaged: ends after 8 bytes"));
+    assert!(message.contains(&format!("warning: {found}")), "{message}");
+    assert!(
+        message.contains("; trying the one before") && message.contains("continuing after step 1 of 2"),
+        "{message}"
+    );
+    let message = resumed(false);
+    assert!(
+        message.contains(&format!("error: {found}")) || message.contains(&format!("error: {damaged}")),
+        "{message}"
+    );
+    assert!(!message.contains("continuing after"), "{message}");
 }
 
 /// The networks of an RVE are written as long as it exists, whichever rank holds its element.

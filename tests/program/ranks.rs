@@ -532,13 +532,15 @@ pub mod processes {
         let text = with_life_cycles();
         run(folder.path(), &text, "--out alone --backend sparse").done();
         let alone = read(folder.path(), "alone/loads.csv");
-        write_case(folder.path(), "case.toml", &with_scales(&text, (2, 2)));
-        mpirun_done(folder.path(), 4, "run case.toml --backend petsc --out shared");
-        assert_same_to_rounding(&read(folder.path(), "shared/loads.csv"), &alone);
-        std::fs::remove_file(folder.path().join("shared/checkpoint/step-00010.bin")).unwrap();
-        write_case(folder.path(), "case.toml", &with_scales(&text, (3, 1)));
-        mpirun_done(folder.path(), 4, "run case.toml --backend petsc --out shared --resume");
-        assert_same_to_rounding(&read(folder.path(), "shared/loads.csv"), &alone);
+        for ((above, below), options) in
+            [((2, 2), ""), ((3, 1), "--resume"), ((1, 2), "--resume"), ((3, 1), "--resume")]
+        {
+            write_case(folder.path(), "case.toml", &with_scales(&text, (above, below)));
+            let command = format!("run case.toml --backend petsc --out shared {options}");
+            mpirun_done(folder.path(), above + below, &command);
+            assert_same_to_rounding(&read(folder.path(), "shared/loads.csv"), &alone);
+            std::fs::remove_file(folder.path().join("shared/checkpoint/step-00010.bin")).unwrap();
+        }
     }
 
     /// Elements of every type, patches of the F-bar method and the faces of follower pressures and of cavities are

@@ -1,23 +1,26 @@
 //! The last converged states of a run, from which it can resume: `checkpoint/` in the result directory.
 //!
-//! A checkpoint consists of a main file, `checkpoint/step-NNNNN.bin`, and of pieces, `checkpoint/step-NNNNN-part-RRRR.bin`.
-//! Each rank that solves RVEs writes their states to a piece of its own, so that no rank ever holds the states of all.
-//! When every rank has reported that its piece is on the disk, the first rank of the body writes the main file, which
-//! lists the pieces with their hashes. A checkpoint exists from then on; without main file, its pieces are ignored. Only
-//! then all but the last two checkpoints are removed. Every file is replaced atomically: a run that is killed at any
+//! A checkpoint consists of a main file, `checkpoint/step-NNNNN.bin`, and of pieces: each rank that holds a part of the body
+//! writes the state of its own nodes and points to a body piece, `checkpoint/step-NNNNN-body-RRRR.bin` (one rank alone if the
+//! body is not divided), and each rank that solves RVEs their states to `checkpoint/step-NNNNN-part-RRRR.bin`, so that no rank
+//! ever holds the states of all. When every rank has reported that its pieces are on the disk, the first rank of the body
+//! writes the main file, which lists the pieces with their hashes. A checkpoint exists from then on; without main file, its
+//! pieces are ignored. Only then all but the last two checkpoints are removed. Every file is replaced atomically: a run that is killed at any
 //! moment leaves at least one complete checkpoint, except before its first. The next run removes pieces without main file.
 //!
-//! The results of a resumed run are bit for bit those of an uninterrupted one. It may have another number of ranks: each
-//! reads the states of its RVEs from the pieces that contain them.
+//! The results of a resumed run are bit for bit those of an uninterrupted one. It may have other numbers of ranks: each
+//! reads the states of its nodes, points and RVEs from the pieces that contain them.
 //!
 //! | module | holds |
 //! |---|---|
 //! | this one | writing, removing and finding checkpoints |
-//! | `record` | the content of the main file: displacements, halvings, life cycles, results so far, list of the pieces |
+//! | `record` | the content of the main file: progress, halvings, pressures, results so far, lists of the pieces |
+//! | `body_pieces` | the content of the body pieces: displacements and life cycles |
 //! | `identity` | the case, mesh and networks that the content belongs to |
 //!
-//! [`Piece`] describes the pieces; `crate::sealed_file` is the frame of both kinds of files: version and hash.
+//! [`Piece`] describes the pieces with RVEs; `crate::sealed_file` is the frame of all files: version and hash.
 
+pub(super) mod body_pieces;
 mod identity;
 mod record;
 #[cfg(all(test, feature = "sparse"))]
@@ -29,13 +32,14 @@ use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
+pub use body_pieces::BodyStatePiece;
 pub use identity::{Identity, Mismatch, hash_of_mesh};
 
 use super::results::{CHECKPOINT_FOLDER, ResultsError, ResultsRecord, names_in, remove_as};
 use crate::fem::stepping::SavedState;
 use crate::output;
 use crate::sealed_file::{self, SealError, VERSION};
-use crate::tissue::micro_scale::{Piece, PieceError, SavedSites, piece_stem};
+use crate::tissue::micro_scale::{Piece, PieceError, piece_stem};
 use record::Record;
 
 /// Number of checkpoints kept: the last one, and the one before in case the last is damaged.
@@ -46,10 +50,10 @@ const CHECKPOINTS_KEPT: usize = 2;
 pub struct Checkpoint {
     /// The main file.
     pub path: PathBuf,
-    /// The state of the body and of load stepping.
+    /// The state of load stepping, and of the body as a whole.
     pub state: SavedState,
-    /// The life cycles of the RVEs.
-    pub sites: SavedSites,
+    /// The files with the states of nodes and points.
+    pub body: Vec<BodyStatePiece>,
     /// The files with the states of the RVEs that exist.
     pub pieces: Vec<Piece>,
     /// The results that the run had written until then.
@@ -143,13 +147,15 @@ pub fn write(
     identity: &Identity,
     state: SavedState,
     written: ResultsRecord,
-    sites: SavedSites,
+    body: Vec<BodyStatePiece>,
     pieces: Vec<Piece>,
 ) -> Result<(), ResultsError> {
     let folder = create_folder(dir)?;
-    pieces.iter().try_for_each(|piece| check_visible(&folder.join(&piece.file), piece.bytes))?;
+    let listed = body.iter().map(|piece| (&piece.file, piece.bytes));
+    let mut listed = listed.chain(pieces.iter().map(|piece| (&piece.file, piece.bytes)));
+    listed.try_for_each(|(file, bytes)| check_visible(&folder.join(file), bytes))?;
     let completed_steps = state.completed_steps;
-    let record = Record { identity: identity.clone(), state, written, sites, pieces };
+    let record = Record { identity: identity.clone(), state, written, body, pieces };
     let path = folder.join(file_name(completed_steps));
     sealed_file::write(&path, |out| postcard::to_io(&record, out).map(drop).map_err(io::Error::other))
         .map_err(ResultsError::write(&path))?;
@@ -219,7 +225,7 @@ pub fn latest(dir: &Path, before: usize, now: &Identity) -> Result<(Option<Check
 }
 
 /// Returns the warning about a checkpoint that cannot be used.
-pub(in crate::app) fn trying_another(error: &CheckpointError) -> String {
+pub(in crate::app) fn trying_another(error: &dyn std::error::Error) -> String {
     format!("{error}; trying the one before")
 }
 
@@ -230,21 +236,27 @@ fn read(path: &Path, now: &Identity) -> Result<(Checkpoint, Vec<String>), Checkp
         SealError::Version(found) => CheckpointError::Version { path: path.into(), found, expected: VERSION },
     })?;
     let damaged = |what: String| CheckpointError::Damaged(path.into(), what);
-    let Record { identity, state, written, sites, pieces } = match postcard::take_from_bytes(&content) {
+    let Record { identity, state, written, body, pieces } = match postcard::take_from_bytes(&content) {
         Ok((record, [])) => record,
         Ok((_, rest)) => return Err(damaged(format!("{} bytes are left over", rest.len()))),
         Err(error) => return Err(damaged(error.to_string())),
     };
-    let of_this = |piece: &Piece| piece_stem(&piece.file) == Some(&stem(state.completed_steps));
-    if let Some(other) = pieces.iter().find(|piece| !of_this(piece)) {
-        return Err(damaged(format!("lists the piece {:?}", other.file)));
+    let stem = stem(state.completed_steps);
+    let listed = body.iter().map(|piece| (&piece.file, body_pieces::stem_of(&piece.file)));
+    let of_rves = pieces.iter().map(|piece| (&piece.file, piece_stem(&piece.file)));
+    if let Some((other, _)) = listed.chain(of_rves).find(|(_, of)| *of != Some(&stem)) {
+        return Err(damaged(format!("lists the piece {other:?}")));
     }
     let remarks = identity.check(now).map_err(|reason| CheckpointError::OtherRun(path.into(), reason))?;
-    Ok((Checkpoint { path: path.into(), state, sites, pieces, written }, remarks))
+    Ok((Checkpoint { path: path.into(), state, body, pieces, written }, remarks))
 }
 
 fn file_name(step: usize) -> String {
-    format!("{}.bin", stem(step))
+    file_of(&stem(step))
+}
+
+fn file_of(stem: &str) -> String {
+    format!("{stem}.bin")
 }
 
 fn step_of(name: &str) -> Option<usize> {
@@ -254,7 +266,7 @@ fn step_of(name: &str) -> Option<usize> {
 
 /// Returns the step of a checkpoint to whose pieces a file of this name belongs.
 fn step_of_piece(name: &str) -> Option<usize> {
-    step_of(&format!("{}.bin", piece_stem(name)?))
+    step_of(&file_of(body_pieces::stem_of(name).or_else(|| piece_stem(name))?))
 }
 
 /// Returns true if `name` is the name of a file of a checkpoint.

@@ -2,10 +2,11 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::body_pieces::BodyStatePiece;
 use super::identity::Identity;
 use crate::app::results::ResultsRecord;
 use crate::fem::stepping::SavedState;
-use crate::tissue::micro_scale::{Piece, SavedSites};
+use crate::tissue::micro_scale::Piece;
 
 /// The content of the main file of a checkpoint.
 #[derive(Serialize, Deserialize)]
@@ -14,6 +15,6 @@ pub(super) struct Record {
     pub state: SavedState,
     /// The results that must exist.
     pub written: ResultsRecord,
-    pub sites: SavedSites,
+    pub body: Vec<BodyStatePiece>,
     pub pieces: Vec<Piece>,
 }

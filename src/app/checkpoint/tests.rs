@@ -6,7 +6,7 @@ use crate::app::macro_scale;
 use crate::app::run::{ResumeError, Simulation};
 use crate::backends::sparse::Sparse;
 use crate::checksum::Fnv;
-use crate::tissue::micro_scale::{RveStatus, TissueField};
+use crate::tissue::micro_scale::TissueField;
 
 /// A cube with one network in every element, and two load steps.
 const CASE: &str = r#"
@@ -71,7 +71,8 @@ fn a_checkpoint_lists_its_pieces() {
     );
     let [Piece { file, bytes, rves: 6, .. }] = &found.pieces[..] else { panic!("{:?}", found.pieces) };
     assert_eq!(fs::metadata(found.folder().join(file)).unwrap().len(), *bytes);
-    assert_eq!(found.sites.statuses, [RveStatus::Awake; 6]);
+    let [BodyStatePiece { file, bytes, nodes: 8, points: 6, .. }] = &found.body[..] else { panic!("{:?}", found.body) };
+    assert_eq!(fs::metadata(found.folder().join(file)).unwrap().len(), *bytes);
 }
 
 #[test]
@@ -95,15 +96,20 @@ fn a_main_file_cut_short_or_changed_anywhere_is_damaged() {
 #[test]
 fn a_piece_must_be_visible_to_the_rank_that_lists_it() {
     let (dir, path, _) = directory();
-    let Checkpoint { state, sites, pieces, written, .. } = newest(dir.path()).unwrap().unwrap();
+    let Checkpoint { state, body, pieces, written, .. } = newest(dir.path()).unwrap().unwrap();
     let case = case();
     let (mesh, _) = macro_scale::mesh(&case).unwrap();
     let (field, _) = TissueField::<Sparse>::new((), case.materials().unwrap(), &mesh).unwrap();
     let identity = Identity::new("sparse", &case, hash_of_mesh(&mesh), &field);
-    let piece = path.with_file_name(&pieces[0].file);
-    fs::rename(&piece, dir.path().join("elsewhere")).unwrap();
-    let error = write(dir.path(), &identity, state, written, sites, pieces).unwrap_err().to_string();
-    assert!(error.starts_with(piece.to_str().unwrap()) && error.contains("that all ranks share"), "{error}");
+    for file in [&pieces[0].file, &body[0].file] {
+        let piece = path.with_file_name(file);
+        let elsewhere = dir.path().join("elsewhere");
+        fs::rename(&piece, &elsewhere).unwrap();
+        let written = write(dir.path(), &identity, state.clone(), written.clone(), body.clone(), pieces.clone());
+        let error = written.unwrap_err().to_string();
+        assert!(error.starts_with(piece.to_str().unwrap()) && error.contains("that all ranks share"), "{error}");
+        fs::rename(&elsewhere, &piece).unwrap();
+    }
 }
 
 #[test]
@@ -111,7 +117,10 @@ fn names_of_all_files_are_recognized() {
     for (name, is_file) in [
         ("step-00003.bin", true),
         ("step-00003-part-0000.bin", true),
+        ("step-00003-body-0012.bin", true),
         ("step-3-part-0000.bin", false),
+        ("step-3-body-0000.bin", false),
+        ("step-00003-other-0000.bin", false),
         ("step-3.bin", false),
         ("other-part-0000.bin", false),
     ] {
@@ -153,7 +162,7 @@ fn another_version_of_the_format_is_named() {
     fs::write(&path, sealed(&body)).unwrap();
     let error = simulation().resume(dir.path()).unwrap_err();
     assert!(
-        matches!(error, ResumeError::Checkpoint(CheckpointError::Version { found: 8, expected: 7, .. })),
+        matches!(error, ResumeError::Checkpoint(CheckpointError::Version { found: 9, expected: 8, .. })),
         "{error}"
     );
 }

@@ -3,12 +3,13 @@
 use std::path::Path;
 
 use super::writers::AgreedRecorder;
-use super::{ResumeError, Resumed, Simulation, WriterGroup, other_rank, whole_state};
-use crate::app::checkpoint::{self, Checkpoint, CheckpointError, Identity};
+use super::{ResumeError, Resumed, Simulation, WriterGroup, other_rank};
+use crate::app::checkpoint::body_pieces::{self, BodyState, BodyStatePiece};
+use crate::app::checkpoint::{self, Checkpoint, Identity};
 use crate::app::results::{self, CHECKPOINT_FOLDER, ResultsError, ResultsRecord, RunProgress};
-use crate::fem::stepping::RestoreError;
 use crate::las::RealBackend;
-use crate::tissue::micro_scale::{FieldRestoreError, PieceError, TissueMaterial};
+use crate::tissue::micro_scale::{Piece, PieceError, TissueMaterial};
+use crate::tissue::two_scale::{pack, unpack};
 
 impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
     /// Restores the newest checkpoint, if there is one.
@@ -18,29 +19,18 @@ impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
             true => self.take_directory(writers, dir)?,
             false => writers.agree(Ok(())).map(|()| Vec::new())?,
         };
-        let Some(checkpoint) = self.find_checkpoint(writers, dir, &mut warnings)? else {
+        let Some((checkpoint, body)) = self.find_checkpoint(writers, dir, &mut warnings)? else {
             self.check_empty(writers, dir)?;
             warnings.push(format!("{}: no checkpoint: starting from the beginning", dir.display()));
             return Ok(Resumed { step: 0, warnings });
         };
         let folder = checkpoint.folder().to_owned();
-        let Checkpoint { path, state, sites, pieces, written } = checkpoint;
+        let Checkpoint { path, state, pieces, written, .. } = checkpoint;
         let progress = RunProgress { steps: state.completed_steps, of: self.stepper.count() };
         warnings.extend(writers.on_writer(|| written.check(dir, progress))?);
-        // Of a divided body, only some ranks would find these errors later.
-        let (whole, nodes, points) = (self.stepper.mesh().whole(), state.displacements.len(), sites.statuses.len());
-        let error = if nodes != whole.nodes {
-            Some(RestoreError::Nodes { found: nodes, expected: whole.nodes })
-        } else if points != whole.points {
-            Some(RestoreError::Field(FieldRestoreError::Points { found: points, expected: whole.points }))
-        } else {
-            state.node_not_finite().map(RestoreError::NotFinite)
-        };
-        if let Some(error) = error {
-            return Err(ResumeError::State(path, Box::new(error)));
-        }
-        let (state, sites) = whole_state::of_part(self.stepper.mesh(), state, sites);
-        let restored = self.stepper.restore(&state, |field| field.restore_units(&sites, &folder, &pieces));
+        let restored = self
+            .stepper
+            .restore(&state, &body.displacements, |field| field.restore_units(&body.sites, &folder, &pieces));
         restored.map_err(|reason| ResumeError::State(path, Box::new(reason)))?;
         self.written = written;
         // The cost of restoring is not part of the next step.
@@ -48,13 +38,14 @@ impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
         Ok(Resumed { step: state.completed_steps, warnings })
     }
 
-    /// Returns the newest checkpoint that is not damaged, the same on all processes; `None` if there are no checkpoints.
+    /// Returns the newest checkpoint that is not damaged, the same on all processes, and the state of the part of this
+    /// process; `None` if there are no checkpoints.
     fn find_checkpoint(
         &self,
         writers: &dyn WriterGroup,
         dir: &Path,
         warnings: &mut Vec<String>,
-    ) -> Result<Option<Checkpoint>, ResumeError<B::Error>> {
+    ) -> Result<Option<(Checkpoint, BodyState)>, ResumeError<B::Error>> {
         let identity = self.identity();
         let (mut before, mut damaged) = (usize::MAX, None);
         loop {
@@ -65,19 +56,38 @@ impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
             let step = checkpoint.as_ref().map_or(0, |checkpoint| checkpoint.state.completed_steps);
             agreed.and_then(|()| writers.agree_on(step)).map_err(ResumeError::OtherRank)?;
             let Some(checkpoint) = checkpoint else { return damaged.map_or(Ok(None), Err) };
-            match self.stepper.field().verify_pieces(checkpoint.folder(), &checkpoint.pieces) {
-                Ok(()) => {
-                    warnings.extend(remarks);
-                    return Ok(Some(checkpoint));
-                }
-                Err(PieceError::Ranks(reason)) => return Err(ResumeError::OtherRank(other_rank(reason))),
-                Err(error) => {
-                    let error = CheckpointError::from(error);
-                    warnings.push(checkpoint::trying_another(&error));
-                    (before, damaged) = (step, Some(ResumeError::Checkpoint(error)));
-                }
+            match self.read_body(writers, &checkpoint).map_err(ResumeError::OtherRank)? {
+                Ok(body) => match self.stepper.field().verify_pieces(checkpoint.folder(), &checkpoint.pieces) {
+                    Ok(()) => {
+                        warnings.extend(remarks);
+                        return Ok(Some((checkpoint, body)));
+                    }
+                    Err(PieceError::Ranks(reason)) => return Err(ResumeError::OtherRank(other_rank(reason))),
+                    Err(error) => damaged = Some(ResumeError::Checkpoint(error.into())),
+                },
+                Err(error) => damaged = Some(error),
             }
+            warnings.extend(damaged.as_ref().map(|error| checkpoint::trying_another(error)));
+            before = step;
         }
+    }
+
+    /// Reads the state of the part of this process. If another process cannot read its own, the inner error says so.
+    ///
+    /// # Errors
+    /// Returns [`ResultsError`] if the processes cannot communicate.
+    fn read_body(
+        &self,
+        writers: &dyn WriterGroup,
+        checkpoint: &Checkpoint,
+    ) -> Result<Result<BodyState, ResumeError<B::Error>>, ResultsError> {
+        let read = body_pieces::read(checkpoint, self.stepper.mesh());
+        // A process that takes this checkpoint would wait for one that takes another.
+        if !writers.any(read.is_err())? {
+            return Ok(read.map_err(ResumeError::from));
+        }
+        let others = writers.agree(read.as_ref().map(drop).map_err(other_rank));
+        Ok(read.map_err(ResumeError::from).and_then(|body| others.map(|()| body).map_err(ResumeError::OtherRank)))
     }
 
     /// Checks that a directory without a checkpoint holds no results that a start from the beginning would remove.
@@ -106,21 +116,42 @@ impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
         identity: &Identity,
     ) -> Result<(), ResultsError> {
         let Some(state) = self.stepper.saved() else { return Ok(()) };
-        let (mut written, field) = (ResultsRecord::default(), self.stepper.field());
+        let mut written = ResultsRecord::default();
         recorder.write(|recorder| {
             written = recorder.flush()?;
             checkpoint::create_folder(dir).map(drop)
         })?;
         let step = state.completed_steps;
-        let pieces = field.save_units(&dir.join(CHECKPOINT_FOLDER), &checkpoint::stem(step));
-        let whole = whole_state::gather(recorder.writers, self.stepper.mesh(), state, field.sites().saved());
-        let (whole, gathered) = whole.map_or_else(|error| (None, Err(error)), |whole| (whole, Ok(())));
-        recorder.writers.agree(gathered)?;
+        let (body, pieces) = self.write_pieces(recorder.writers, dir, &checkpoint::stem(step))?;
         recorder.write(|recorder| {
-            let Some((state, sites)) = whole else { return Ok(()) };
-            checkpoint::write(dir, identity, state, written, sites, pieces?)?;
+            checkpoint::write(dir, identity, state, written, body, pieces)?;
             recorder.saved(step);
             Ok(())
         })
+    }
+
+    /// Writes the pieces of all ranks of both scales, which are on the disk then. Returns them on the process that writes
+    /// the main file; the others return only some.
+    fn write_pieces(
+        &self,
+        writers: &dyn WriterGroup,
+        dir: &Path,
+        stem: &str,
+    ) -> Result<(Vec<BodyStatePiece>, Vec<Piece>), ResultsError> {
+        let (mesh, field, folder) = (self.stepper.mesh(), self.stepper.field(), dir.join(CHECKPOINT_FOLDER));
+        let displacements = &self.stepper.state().displacements;
+        // Every process of a body that is not divided holds the same.
+        let writes = mesh.part().is_some() || writers.is_writer();
+        let written = field.save_units(&folder, stem).and_then(|pieces| {
+            let own = writes.then(|| body_pieces::write(&folder, stem, mesh, displacements, field.sites().saved()));
+            Ok((own.transpose()?, pieces))
+        });
+        let (own, pieces) = writers.agree_with(written.map_err(ResultsError::from))?;
+        // The others wait for this rank even if it cannot encode its piece; the one that writes reports an empty message.
+        let all = writers.gather(pack(&own).unwrap_or_default()).and_then(|all| {
+            let listed = all.unwrap_or_default().into_iter().map(|own| unpack(&own).map_err(other_rank));
+            listed.collect::<Result<Vec<Option<BodyStatePiece>>, _>>()
+        });
+        Ok((writers.agree_with(all)?.into_iter().flatten().collect(), pieces))
     }
 }

@@ -10,7 +10,6 @@
 //! | `checkpoints` | resuming from a checkpoint, and writing one |
 //! | `measurement`, `forecast` | what an evaluation costs, and on how many ranks a run pays |
 //! | `outcome` | the errors and the result of a run, and of resuming it |
-//! | `whole_state` | the state of a divided body in a checkpoint |
 //! | `writers` | which process writes the results |
 
 mod checkpoints;
@@ -23,7 +22,6 @@ mod rank_writers;
 mod setup;
 mod setup_ranks;
 mod whole_body;
-mod whole_state;
 mod writers;
 
 use std::path::{Path, PathBuf};

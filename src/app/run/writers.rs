@@ -50,9 +50,17 @@ impl dyn WriterGroup + '_ {
         write: impl FnOnce() -> Result<T, ResultsError>,
     ) -> Result<T, ResultsError> {
         let outcome = if self.is_writer() { write() } else { Ok(T::default()) };
-        let (value, outcome) = outcome.map_or_else(|error| (None, Err(error)), |value| (Some(value), Ok(())));
+        self.agree_with(outcome)
+    }
+
+    /// Returns the value of this process if all processes have one.
+    ///
+    /// # Errors
+    /// Returns this process's own error, or else that of the first process that has one.
+    pub(super) fn agree_with<T: Default>(&self, outcome: Result<T, ResultsError>) -> Result<T, ResultsError> {
+        let (value, outcome) = outcome.map_or_else(|error| (T::default(), Err(error)), |value| (value, Ok(())));
         self.agree(outcome)?;
-        Ok(value.unwrap_or_default())
+        Ok(value)
     }
 }
 
@@ -99,12 +107,7 @@ impl<'r> AgreedRecorder<'_, 'r> {
     /// In a divided body, writes the piece of every process, and returns what names them once all are written.
     fn write_pieces<M: TissueMaterial>(&self, of: &FieldState<'_, M>) -> Result<Option<PieceIndex>, ResultsError> {
         let Some(pieces) = &self.pieces else { return Ok(None) };
-        let (index, outcome) = match pieces.write_piece(of) {
-            Ok(index) => (Some(index), Ok(())),
-            Err(error) => (None, Err(error)),
-        };
-        self.writers.agree(outcome)?;
-        Ok(index)
+        self.writers.agree_with(pieces.write_piece(of).map(Some))
     }
 
     /// Writes the fields of the last converged state if they are not written yet.

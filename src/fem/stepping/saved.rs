@@ -8,8 +8,9 @@ use crate::fem::kinematics::RigidMotion;
 use crate::fem::point_field::PointField;
 use crate::las::{Backend, RealBackend};
 
-/// The state of a run after a full step, except the memory of its point field. Loads, deformation gradients and nodal
-/// forces follow from it.
+/// The state of a run after a full step, except the displacements of the nodes, which are those of [`Stepper::state`], and
+/// the memory of its point field: what is the same on all ranks of a divided body. Loads, deformation gradients and nodal
+/// forces follow from all of them.
 // Checkpoints contain it: a change of its fields is a new format of checkpoints (`VERSION` in `sealed_file.rs`).
 #[derive(Clone, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "app", derive(serde::Serialize, serde::Deserialize))]
@@ -20,19 +21,10 @@ pub struct SavedState {
     pub halvings: u32,
     /// Upper limit of the next increment in steps, if increments are adaptive.
     pub increment: f64,
-    /// Displacements of the nodes, m.
-    pub displacements: Vec<[f64; 3]>,
     /// Motions of the rigid surfaces.
     pub rigid: Vec<RigidMotion>,
     /// The pressures of each volume constraint, Pa: that of the state and that of the last augmentation.
     pub pressures: Vec<[f64; 2]>,
-}
-
-impl SavedState {
-    /// Returns the first node whose displacement is not finite.
-    pub fn node_not_finite(&self) -> Option<usize> {
-        self.displacements.iter().position(|u| u.iter().any(|u| !u.is_finite()))
-    }
 }
 
 /// The reason why a saved state cannot be restored. `R` is the error of the callback that restores the point field, `E`
@@ -47,10 +39,10 @@ pub enum RestoreError<R: std::fmt::Display, E: std::fmt::Display, F: std::fmt::D
         /// Number of steps of the run.
         count: usize,
     },
-    /// The saved state belongs to another mesh.
+    /// The displacements belong to another mesh.
     #[error("the state has displacements of {found} nodes; the mesh has {expected} nodes")]
     Nodes {
-        /// Number of nodes in the saved state.
+        /// Number of displacements.
         found: usize,
         /// Number of nodes of the mesh.
         expected: usize,
@@ -102,14 +94,14 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
             completed_steps: self.completed_steps,
             halvings: self.increments.halvings,
             increment: self.increments.length,
-            displacements: state.displacements.clone(),
             rigid: state.rigid.clone(),
             pressures: state.volumes.iter().map(|state| [state.pressure, state.augmented]).collect(),
         })
     }
 
-    /// Restores a state that [`Stepper::saved`] returned for the same mesh, conditions and number of steps. The run
-    /// then continues as the saved run would have, bit for bit, if `field` restores the point field exactly.
+    /// Restores a state that [`Stepper::saved`] returned for the same mesh, conditions and number of steps, with the
+    /// `displacements` of the nodes then, m. The run continues as the saved run would have, bit for bit, if `field`
+    /// restores the point field exactly.
     ///
     /// The point field is evaluated once at the restored state and then commits. Increments are
     /// limited to those of this run.
@@ -120,14 +112,15 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
     pub fn restore<R: std::fmt::Display>(
         &mut self,
         state: &SavedState,
+        displacements: &[[f64; 3]],
         field: impl FnOnce(&mut P) -> Result<(), R>,
     ) -> Result<(), StepperRestoreError<B, P, R>> {
         let (count, nodes) = (self.params.count, self.body.mesh().nodes().len());
         if state.completed_steps == 0 || state.completed_steps > count {
             return Err(RestoreError::Steps { completed_steps: state.completed_steps, count });
         }
-        if state.displacements.len() != nodes {
-            return Err(RestoreError::Nodes { found: state.displacements.len(), expected: nodes });
+        if displacements.len() != nodes {
+            return Err(RestoreError::Nodes { found: displacements.len(), expected: nodes });
         }
         let rigid = self.body.committed().rigid.len();
         if state.rigid.len() != rigid {
@@ -139,7 +132,7 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
         if let Some(surface) = state.rigid.iter().position(|motion| !is_finite(motion)) {
             return Err(RestoreError::RigidNotFinite(surface));
         }
-        if let Some(node) = state.node_not_finite() {
+        if let Some(node) = displacements.iter().position(|u| u.iter().any(|u| !u.is_finite())) {
             return Err(RestoreError::NotFinite(node));
         }
         let constraints = self.body.constraints().len();
@@ -151,7 +144,7 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
         }
         field(self.body.field_mut()).map_err(RestoreError::Field)?;
         self.body
-            .restore_at(self.time_after(state.completed_steps), &state.displacements, &state.rigid, &state.pressures)
+            .restore_at(self.time_after(state.completed_steps), displacements, &state.rigid, &state.pressures)
             .map_err(RestoreError::Points)?;
         self.completed_steps = state.completed_steps;
         self.increments.restore(state.halvings, state.increment);

@@ -61,6 +61,7 @@ pub use library::{Library, LibraryError, PointMaterial, PointNetwork};
 pub use lifecycle::RveStatus;
 pub(super) use moving::MovingError;
 pub use pieces::{Piece, PieceError, piece_file, piece_stem};
+pub(crate) use pieces::{verify_sealed, write_sealed};
 pub use sampled::SampledField;
 pub(super) use saved::SerializeIter;
 pub use saved::{FieldRestoreError, SavedSites, SleepingRve, UnitState};

@@ -4,7 +4,7 @@
 //! that resumes reads only the states of its own RVEs, one at a time, from however many ranks wrote them.
 
 use std::fs::File;
-use std::io::{self, BufReader, Read, Seek, SeekFrom, Write};
+use std::io::{self, BufReader, BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
@@ -14,7 +14,7 @@ use super::saved::UnitState;
 use super::units::Units;
 use crate::las::RealBackend;
 use crate::output;
-use crate::sealed_file::{self, HEAD, Seal, SealError, TAIL};
+use crate::sealed_file::{self, HEAD, Hashing, Seal, SealError, TAIL};
 
 /// Bytes of an index entry: the point, the position of its state in the file, and the length of the state.
 const ENTRY: usize = 3 * size_of::<u64>();
@@ -60,7 +60,7 @@ impl PieceError {
         }
     }
 
-    fn damaged(path: &Path, what: impl Into<String>) -> Self {
+    pub(crate) fn damaged(path: &Path, what: impl Into<String>) -> Self {
         Self::Damaged(path.into(), what.into())
     }
 }
@@ -98,8 +98,7 @@ fn write(
     if rves == 0 {
         return Ok(None);
     }
-    let path = folder.join(&file);
-    let written = sealed_file::write(&path, |out| {
+    let Seal { bytes, hash } = write_sealed(folder, &file, |out| {
         let mut index = Vec::with_capacity(ENTRY * rves);
         for (point, state) in states {
             let start = out.position();
@@ -111,26 +110,36 @@ fn write(
         let at = out.position();
         out.write_all(&index)?;
         out.write_all(&at.to_le_bytes())
-    });
-    let Seal { bytes, hash } = written
-        .and_then(|seal| output::sync_folder(folder).map(|()| seal))
-        .map_err(|error| PieceError::Write(path, error.to_string()))?;
+    })?;
     Ok(Some(Piece { file, bytes, hash, rves }))
+}
+
+/// Writes a file of a checkpoint, whose content `write` appends; it is complete and on the disk then.
+pub(crate) fn write_sealed(
+    folder: &Path,
+    file: &str,
+    write: impl FnOnce(&mut Hashing<BufWriter<&mut File>>) -> io::Result<()>,
+) -> Result<Seal, PieceError> {
+    let path = folder.join(file);
+    let written = sealed_file::write(&path, write).and_then(|seal| output::sync_folder(folder).map(|()| seal));
+    written.map_err(|error| PieceError::Write(path, error.to_string()))
 }
 
 /// Compares a piece with the checkpoint that lists it; reads the file once, block by block.
 pub(in crate::tissue) fn verify(folder: &Path, piece: &Piece) -> Result<(), PieceError> {
-    let path = folder.join(&piece.file);
-    let seal = sealed_file::verify_by(&path, |_| ()).map_err(|error| match error {
-        SealError::Unreadable(error) => PieceError::read(&path, &error),
-        SealError::Damaged(what) => PieceError::damaged(&path, what),
-        SealError::Version(version) => PieceError::damaged(&path, format!("has version {version} of the format")),
-    })?;
     let Piece { bytes, hash, .. } = *piece;
-    if seal != (Seal { bytes, hash }) {
-        return Err(PieceError::damaged(&path, "belongs to another checkpoint"));
-    }
-    Ok(())
+    verify_sealed(&folder.join(&piece.file), Seal { bytes, hash }, |_| ())
+}
+
+/// Compares a file with the checkpoint that lists it with this seal; reads it once, and calls `block` with the bytes of its
+/// content.
+pub(crate) fn verify_sealed(path: &Path, listed: Seal, block: impl FnMut(&[u8])) -> Result<(), PieceError> {
+    let seal = sealed_file::verify_by(path, block).map_err(|error| match error {
+        SealError::Unreadable(error) => PieceError::read(path, &error),
+        SealError::Damaged(what) => PieceError::damaged(path, what),
+        SealError::Version(version) => PieceError::damaged(path, format!("has version {version} of the format")),
+    })?;
+    if seal == listed { Ok(()) } else { Err(PieceError::damaged(path, "belongs to another checkpoint")) }
 }
 
 /// Compares all pieces with the checkpoint that lists them; returns the error of the first that differs.

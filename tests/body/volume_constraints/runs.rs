@@ -129,9 +129,9 @@ fn a_restored_run_continues_bit_for_bit() {
     let mut whole = started(mesh(), &conditions, steps(4));
     whole.step(&mut ()).unwrap();
     whole.step(&mut ()).unwrap();
-    let saved = whole.saved().unwrap();
+    let (saved, displacements) = (whole.saved().unwrap(), whole.state().displacements.clone());
     let mut restored = started(mesh(), &conditions, steps(4));
-    restored.restore(&saved, |_| Ok::<(), &str>(())).unwrap();
+    restored.restore(&saved, &displacements, |_| Ok::<(), &str>(())).unwrap();
     assert_eq!(restored.state(), whole.state());
     whole.run(&mut ()).unwrap();
     restored.run(&mut ()).unwrap();
@@ -140,11 +140,11 @@ fn a_restored_run_continues_bit_for_bit() {
 
     let mut one_less = saved.clone();
     one_less.pressures.pop();
-    let refused = restored.restore(&one_less, |_| Ok::<(), &str>(())).unwrap_err();
+    let refused = restored.restore(&one_less, &displacements, |_| Ok::<(), &str>(())).unwrap_err();
     assert_eq!(refused, RestoreError::Constraints { found: 1, expected: 2 });
     let mut infinite = saved;
     infinite.pressures[1][0] = f64::INFINITY;
-    let refused = restored.restore(&infinite, |_| Ok::<(), &str>(())).unwrap_err();
+    let refused = restored.restore(&infinite, &displacements, |_| Ok::<(), &str>(())).unwrap_err();
     assert_eq!(refused, RestoreError::PressureNotFinite(1));
 }
 

@@ -341,6 +341,7 @@ fn continues_bit_for_bit(increments: IncrementControl) {
     whole.step(&mut ()).unwrap();
     whole.step(&mut ()).unwrap();
     let (saved, memory) = (whole.saved().unwrap(), whole.field().committed.clone());
+    let displacements = whole.state().displacements.clone();
     assert_eq!(saved.completed_steps, 2);
     assert!(saved.halvings > 0 || saved.increment < 1.0, "the increment has not grown back: {saved:?}");
     let expected = whole.run(&mut ()).unwrap();
@@ -350,8 +351,9 @@ fn continues_bit_for_bit(increments: IncrementControl) {
         field.committed.copy_from_slice(&memory);
         Ok::<(), DiskFull>(())
     };
-    other.restore(&saved, take_back).unwrap();
+    other.restore(&saved, &displacements, take_back).unwrap();
     assert_eq!((other.completed_steps(), other.saved()), (2, Some(saved.clone())));
+    assert_eq!(other.state().displacements, displacements);
     let found = other.run(&mut ()).unwrap();
     assert_eq!(other.state(), whole.state());
     let history = |reports: &[StepReport]| -> Vec<_> {
@@ -360,20 +362,20 @@ fn continues_bit_for_bit(increments: IncrementControl) {
     };
     assert_eq!(history(&found), history(&expected));
 
-    let refused = |state: SavedState| new().restore(&state, |_| Ok::<(), DiskFull>(())).unwrap_err().to_string();
+    let refused = |state: &SavedState, displacements: &[[f64; 3]]| {
+        new().restore(state, displacements, |_| Ok::<(), DiskFull>(())).unwrap_err().to_string()
+    };
     for done in [0, 5] {
         let said = format!("the state was saved after step {done}; this run has the steps 1 to 4");
-        assert_eq!(refused(SavedState { completed_steps: done, ..saved.clone() }), said);
+        assert_eq!(refused(&SavedState { completed_steps: done, ..saved.clone() }, &displacements), said);
     }
     let nodes = mesh.nodes().len();
-    let mut short = saved.clone();
-    short.displacements.pop();
     let said = format!("the state has displacements of {} nodes; the mesh has {nodes} nodes", nodes - 1);
-    assert_eq!(refused(short), said);
-    let mut lost = saved.clone();
-    lost.displacements[7][1] = f64::NAN;
-    assert_eq!(refused(lost), "the displacement of node 7 in the saved state is not a finite number");
-    let error = new().restore(&saved, |_| Err(DiskFull)).unwrap_err();
+    assert_eq!(refused(&saved, &displacements[1..]), said);
+    let mut lost = displacements.clone();
+    lost[7][1] = f64::NAN;
+    assert_eq!(refused(&saved, &lost), "the displacement of node 7 in the saved state is not a finite number");
+    let error = new().restore(&saved, &displacements, |_| Err(DiskFull)).unwrap_err();
     assert!(matches!(error, RestoreError::Field(DiskFull)), "{error}");
 }
 
