@@ -106,7 +106,10 @@ fn measure(comm: &MpiComm, extent: Extent) -> Result<(), Error> {
     Ok(())
 }
 
-fn networks() -> Result<Vec<(&'static str, Network, Option<FiberMaterial>)>, Error> {
+/// The name of a network, the network, and the material of its fibers if its file does not have one.
+type NamedNetwork = (&'static str, Network, Option<FiberMaterial>);
+
+fn networks() -> Result<Vec<NamedNetwork>, Error> {
     let law = Law::Exponential { youngs_modulus: 1.0e8, nonlinearity: 1.2 };
     let collagen = FiberMaterial { law, radius: 5.0e-8, density: None };
     let mut networks = Vec::new();
