@@ -30,5 +30,5 @@ mod rve_files;
 mod stress;
 pub mod vtu;
 
-pub use plausibility::{Examination, FloppyNetworks, LoadOf, LoadSize};
+pub use plausibility::{Examination, FloppyNetworks, LARGEST_SAMPLE, LoadOf, LoadSize};
 pub use progress::Progress;

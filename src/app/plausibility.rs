@@ -43,7 +43,7 @@ const SENSIBLE_EDGES: std::ops::RangeInclusive<f64> = 1e-5..=5.0;
 
 /// The longest edge of a sample of tissue, m. A mesh file does not tell its unit: a larger body whose case does not state
 /// one either is probably in mm.
-const LARGEST_SAMPLE: f64 = 0.5;
+pub const LARGEST_SAMPLE: f64 = 0.5;
 
 /// The stiffness of a region of the case at rest, Pa.
 #[derive(Clone, Copy, Debug, PartialEq)]

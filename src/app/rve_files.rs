@@ -28,6 +28,7 @@ pub(super) fn points(case: &Case, sites: &Sites) -> Result<Vec<usize>, InputErro
         ElementSelection::All => return Ok((0..points.len()).filter(|&point| sites.has_fibers(point)).collect()),
         ElementSelection::Elements(ids) => ids,
     };
+    let with_fibers = || ranges((0..count).filter(|&element| has_fibers(element)));
     let error = |&element: &usize| {
         let (what, cure) = match element {
             _ if element >= count => (
@@ -40,7 +41,7 @@ pub(super) fn points(case: &Case, sites: &Sites) -> Result<Vec<usize>, InputErro
             ),
             _ => return None,
         };
-        let expected = format!("elements with a fiber network, between 0 and {}", count.saturating_sub(1));
+        let expected = format!("elements with a fiber network: {}", with_fibers());
         Some(InputError::in_file(&case.file, what, expected, cure))
     };
     let errors: Vec<InputError> = ids.iter().filter_map(error).collect();
@@ -48,6 +49,30 @@ pub(super) fn points(case: &Case, sites: &Sites) -> Result<Vec<usize>, InputErro
         return Err(InputErrors(errors));
     }
     Ok(ids.iter().flat_map(|&element| points.of_element(element)).filter(|&point| sites.has_fibers(point)).collect())
+}
+
+/// Lists ascending numbers by their ranges, such as `0 to 9, 12 to 20`; at most the first few.
+fn ranges(numbers: impl Iterator<Item = usize>) -> String {
+    /// The number of ranges that are listed.
+    const MOST: usize = 4;
+    let mut ranges: Vec<[usize; 2]> = Vec::new();
+    for number in numbers {
+        match ranges.last_mut() {
+            Some([_, last]) if *last + 1 == number => *last = number,
+            _ => ranges.push([number; 2]),
+        }
+    }
+    let text =
+        |[first, last]: &[usize; 2]| if first == last { first.to_string() } else { format!("{first} to {last}") };
+    let mut texts: Vec<String> = ranges.iter().take(MOST).map(text).collect();
+    match ranges.len() {
+        0 => "there is none".into(),
+        count if count > MOST => {
+            texts.push(format!("... up to {}", ranges[count - 1][1]));
+            texts.join(", ")
+        }
+        _ => texts.join(", "),
+    }
 }
 
 /// The network files of a run in progress.

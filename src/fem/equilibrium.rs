@@ -43,7 +43,7 @@ pub enum EquilibriumError<E, F> {
     /// Equilibrium was restored repeatedly with responses that continue the committed state, but each time the new
     /// equilibrium has responses that do not continue it. Holds the number of times that responses were replaced.
     #[error(
-        "no equilibrium of the body continues the last committed state: after {0} corrections, RVEs still leave their branches of equilibria"
+        "materials at some points, such as fiber networks, snap to other equilibria than those that continue from the last converged state, still after {0} corrections"
     )]
     OffBranch(usize),
     /// Points kept changing their material after equilibrium was restored repeatedly at the same load. Holds the number

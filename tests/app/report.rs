@@ -94,7 +94,7 @@ fn a_state_within_a_step_has_no_extension() {
     let resumed = std::fs::read_to_string(&log).unwrap().replace("\"resumed_from\":0", "\"resumed_from\":3");
     std::fs::write(&log, resumed).unwrap();
     let html = page::page(dir.path(), &PictureOptions::default()).unwrap();
-    assert!(html.contains("10 load steps in 2\u{a0}min 07\u{a0}s of wall time since step 3."), "{}", &html[..200]);
+    assert!(html.contains("10 load steps; 2\u{a0}min 07\u{a0}s of wall time since step 3."), "{}", &html[..200]);
 }
 
 #[test]
@@ -116,8 +116,8 @@ fn the_page_is_complete_and_self_contained() {
     let html = page::page(dir.path(), &PictureOptions::default()).unwrap();
     for words in [
         "<h1>Dogbone in tension</h1>",
-        "Converged: 10 load steps in 2\u{a0}min 07\u{a0}s",
-        "Macro-scale body extension and Newton iterations per load step",
+        "Converged: 10 load steps; 2\u{a0}min 07\u{a0}s",
+        "Extension of the body and Newton iterations per load step",
         "Force on the body through each loaded surface against its extension",
         "Wall time by phase",
         "Micro-scale Newton iterations",

@@ -39,7 +39,7 @@ fn a_few_rves_of_each_network_are_solved() {
         assert!(number(&split["seconds"]) >= longest, "{split}");
     }
     let proposed = &forecast["proposal"];
-    let proposal = format!("proposal   scales = {{ macro = {}, micro = {} }}", proposed["macro"], proposed["micro"]);
+    let proposal = format!("proposal   macro = {} and micro = {} in [scales]", proposed["macro"], proposed["micro"]);
     assert!(splits.contains(proposed) && forecast["of_case"].is_null() && number(&forecast["step_seconds"]) > 0.0);
     assert!(text.contains(&proposal) && text.contains("3 RVEs solved"), "{text}");
 }

@@ -27,6 +27,10 @@ impl Case {
     /// # Errors
     /// Returns all errors in the file, in the order of its lines, or the one reason why it could not be read at all.
     pub fn read(path: &Path) -> Result<CaseFile, InputErrors> {
+        if path.is_dir() {
+            let cure = "name the case file in it; `biotissue report` draws a result directory";
+            return Err(InputError::in_file(path, "is a folder", "a case file (.toml)", cure).into());
+        }
         let bytes = std::fs::read(path).map_err(|error| InputError::unreadable(path, &error))?;
         let text = String::from_utf8(bytes).map_err(|error| {
             let good = error.utf8_error().valid_up_to();

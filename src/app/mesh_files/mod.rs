@@ -60,6 +60,8 @@ fn is_gmsh(file: &mut std::fs::File) -> bool {
 /// Returns the way to a file of another format.
 fn cure_of(ending: &str) -> &'static str {
     match ending {
+        "toml" => "if it is a case, `biotissue check` reads it",
+        "txt" => "if it is a fiber network, `biotissue network check` reads it",
         "stl" | "obj" | "ply" | "off" => "it holds a surface: mesh its inside, for example with Gmsh or TetGen",
         "step" | "stp" | "iges" | "igs" | "brep" | "geo" => {
             "it holds a geometry: mesh it with Gmsh, and save it as .msh"

@@ -1,11 +1,12 @@
 //! The extension of a pulled body, or the shear of a sheared one: one number per load step, from the displacements of its
 //! surfaces.
 //!
-//! The direction of the load is the axis and the two surfaces whose mean displacements differ most in the last row of
-//! `loads.csv`. If the centers of these surfaces lie apart mainly along that axis, the body is pulled or pushed: the
-//! elongation is the difference, positive if the surfaces move apart, and the extension is the elongation divided by the
-//! distance of the centers along the axis. For a bar held and pulled at its ends this is the engineering strain. Otherwise
-//! the body is sheared: the shear is the difference divided by the distance of the centers across the axis.
+//! The direction of the load is the axis and the two surfaces with boundary conditions whose mean displacements differ most
+//! in the last row of `loads.csv`. If the centers of these surfaces are farthest apart along the same axis, the body is pulled
+//! or pushed: the extension is the difference of the displacements over the distance of the centers along the axis, positive if
+//! the surfaces move apart. For a bar held and pulled at its ends this is the engineering strain. Otherwise the body is sheared:
+//! the shear is the difference over the distance along the axis on which the centers are farthest apart, `du_y / dx` for
+//! example.
 //!
 //! Results without the centers of surfaces give the edge of the bounding box along the axis as length, and the sign from
 //! its change. Without surfaces that move, and if a rigid surface turns, the change of the bounding box along its longest
@@ -34,19 +35,22 @@ pub struct Extension {
     pub kind: Kind,
     /// The axis along which the surfaces move: 0, 1, 2 for x, y, z.
     pub axis: usize,
+    /// The axis of the reference length: that along which the surfaces are farthest apart.
+    pub over: usize,
     /// The two surfaces, as indices into the surfaces of the table of loads.
     pub surfaces: [usize; 2],
-    /// Reference length, m: the distance of the centers of the surfaces, or the length of the body along the axis. `None`
-    /// if neither is known.
+    /// Reference length, m: the distance of the centers of the surfaces, or the length of the body. `None` if neither is
+    /// known.
     pub length: Option<f64>,
-    /// 1 or -1, so that the elongation is positive if the surfaces move apart, and a shear is positive at the end.
+    /// 1 or -1, so that the elongation is positive if the surfaces move apart, and a shear if the surface that is farther
+    /// along the other axis moves farther along this one.
     sign: f64,
 }
 
 impl Extension {
     /// Determines the direction of the load; `None` if the table has no rows, no surface moves relative to another, or a
     /// rigid surface turns, which moves the sides of the body apart without pulling.
-    /// The places of the surfaces give the kind and the length; for surfaces that are not among them, the fields, with their
+    /// `places` are those of the surfaces with conditions; without any, all surfaces count, and the fields, with their
     /// pseudo-time, give the length of the body and distinguish pulling from pushing.
     pub fn find(loads: &Loads, places: &[SurfacePlace], fields: Option<(&Fields, f64)>) -> Option<Self> {
         /// A smaller angle, rad, changes lengths by less than half a percent.
@@ -56,9 +60,14 @@ impl Extension {
         if last.rigid.iter().any(|rigid| angle(rigid) > TURNED) {
             return None;
         }
+        let counts = |surface: usize| {
+            let name = loads.names.surfaces.get(surface);
+            places.is_empty() || places.iter().any(|place| Some(&place.name) == name)
+        };
+        let surfaces = || last.surfaces.iter().enumerate().filter(|(surface, _)| counts(*surface));
         let mut largest = (0.0, 0, [0, 0]);
-        for (b, to) in last.surfaces.iter().enumerate() {
-            for (a, from) in last.surfaces.iter().enumerate().take(b) {
+        for (b, to) in surfaces() {
+            for (a, from) in surfaces().take_while(|(a, _)| *a < b) {
                 for axis in 0..3 {
                     let apart = to.displacement[axis] - from.displacement[axis];
                     if apart.abs() > f64::abs(largest.0) {
@@ -71,7 +80,7 @@ impl Extension {
         if apart == 0.0 {
             return None;
         }
-        let moved = Self { kind: Kind::Pull, axis, surfaces, length: None, sign: apart.signum() };
+        let moved = Self { kind: Kind::Pull, axis, over: axis, surfaces, length: None, sign: apart.signum() };
         let found = match moved.between_centers(loads, places) {
             Some(between) => moved.of_surfaces(between),
             None => match fields {
@@ -95,13 +104,12 @@ impl Extension {
 
     /// Determines the kind and the length, given the vector between the centers of the surfaces, m.
     fn of_surfaces(self, between: [f64; 3]) -> Self {
-        let along = between[self.axis];
-        let across = between.iter().map(|x| x * x).sum::<f64>() - along * along;
-        if along * along >= across {
-            Self { kind: Kind::Pull, length: Some(along.abs()), sign: along.signum(), ..self }
-        } else {
-            Self { kind: Kind::Shear, length: Some(across.sqrt()), ..self }
-        }
+        // Of axes with equal distances, that of the displacements, and otherwise the first.
+        let order = [self.axis, 0, 1, 2];
+        let farther = |over: usize, axis: usize| if between[axis].abs() > between[over].abs() { axis } else { over };
+        let over = order.into_iter().fold(self.axis, farther);
+        let kind = if over == self.axis { Kind::Pull } else { Kind::Shear };
+        Self { kind, over, length: Some(between[over].abs()), sign: between[over].signum(), ..self }
     }
 
     /// Determines the length and the sign from the bounding box of the body in the state of a row.
@@ -191,7 +199,7 @@ mod tests {
     }
 
     /// The same displacements along z are a pull between surfaces one above the other, and a shear between surfaces beside each
-    /// other, whatever the order of the surfaces.
+    /// other, with the sign of the surface that is farther along the other axis.
     #[test]
     fn surfaces_beside_each_other_shear_the_body() {
         let place = |name: &str, center| SurfacePlace { name: name.into(), center };
@@ -201,13 +209,17 @@ mod tests {
             for (center, kind, expected) in [
                 ([0.5, 0.0, 1.5], Kind::Pull, by / 1.5),
                 ([0.5, 0.0, -1.5], Kind::Pull, -by / 1.5),
-                ([3.0, 4.0, 1.5], Kind::Shear, 0.3 / 5.0),
+                ([3.0, 4.0, 1.5], Kind::Shear, by / 4.0),
+                ([-5.0, 4.0, 1.5], Kind::Shear, -by / 5.0),
             ] {
                 let places = [place("c", [0.0; 3]), place("b", [9.0; 3]), place("a", center)];
                 let extension = Extension::find(&loads, &places, Some((&fields, 1.0))).unwrap();
                 assert_eq!((extension.kind, extension.axis, extension.surfaces), (kind, 2, [0, 2]));
                 assert!((extension.fraction(&loads.rows[1]).unwrap() - expected).abs() < 1e-15, "{by} {center:?}");
             }
+            let places = [place("b", [0.0, 0.0, 1.0]), place("c", [0.0; 3])];
+            let extension = Extension::find(&loads, &places, Some((&fields, 1.0))).unwrap();
+            assert_eq!((extension.surfaces, extension.length), ([1, 2], Some(1.0)), "a has no condition");
             let places = [place("a", [0.0; 3]), place("c", [0.0; 3])];
             let extension = Extension::find(&loads, &places, Some((&fields, 1.0))).unwrap();
             assert_eq!(extension.length, Some(2.0), "surfaces of the same center: that of the body");

@@ -64,7 +64,7 @@ pub struct Start {
     pub version: String,
     /// The last converged step before a resumed run; 0 for a run from the beginning.
     pub resumed_from: usize,
-    /// The surfaces of the undeformed body.
+    /// The surfaces of the undeformed body that have boundary conditions.
     pub surfaces: Vec<SurfacePlace>,
 }
 
@@ -78,10 +78,10 @@ pub struct SurfacePlace {
 }
 
 impl SurfacePlace {
-    /// Returns the places of all surfaces of a mesh that have an area.
-    pub fn of_mesh(mesh: &Mesh) -> Vec<Self> {
+    /// Returns the places of the surfaces of a mesh with these names that have an area.
+    pub fn of_surfaces(mesh: &Mesh, mut is_named: impl FnMut(&str) -> bool) -> Vec<Self> {
         let of = |surface: &Surface| Some(Self { name: surface.name.clone(), center: mesh.surface_center(surface)? });
-        mesh.surfaces().iter().filter_map(of).collect()
+        mesh.surfaces().iter().filter(|surface| is_named(&surface.name)).filter_map(of).collect()
     }
 }
 

@@ -60,7 +60,7 @@ pub struct Simulation<B: RealBackend, M = TissueField<B>> {
     stepper: Stepper<B, M>,
     /// The hash of the whole mesh.
     mesh_hash: u64,
-    /// The surfaces of the whole mesh; empty on a process that does not write.
+    /// The surfaces with boundary conditions; empty on a process that does not write.
     surfaces: Vec<SurfacePlace>,
     /// The elements whose networks are written to the results.
     networks: Vec<usize>,

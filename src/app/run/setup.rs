@@ -50,7 +50,7 @@ pub struct Setup<B: RealBackend, M = TissueField<B>> {
     pub(super) case: Case,
     pub(super) mesh: Arc<Mesh>,
     mesh_hash: u64,
-    /// The surfaces of the whole mesh, on the rank that reads it.
+    /// The surfaces with boundary conditions, on the rank that reads the mesh.
     surfaces: Vec<SurfacePlace>,
     pub(super) conditions: Conditions,
     /// The part of this rank, if the body is divided.
@@ -160,7 +160,8 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
             rve_files::points(&case, field.sites())?
         };
         let mesh_hash = hash_of_mesh(&whole);
-        let surfaces = SurfacePlace::of_mesh(&whole);
+        let has_condition = |name: &str| case.boundaries.iter().any(|boundary| boundary.surface == name);
+        let surfaces = SurfacePlace::of_surfaces(&whole, has_condition);
         send_fields(ranks, fields.as_ref()).map_err(SimulationError::OtherRank)?;
         for rank in 1..ranks.count() {
             let of_part = |divided: &BodyDivision<'_>| PartSetup {

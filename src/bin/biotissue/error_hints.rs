@@ -79,12 +79,12 @@ pub fn cure_of_step<F: std::error::Error + 'static>(reason: &StepFailure<TissueF
 /// Returns the cure if RVEs leave their branches of equilibria.
 fn cure_of_branches(case: &Case) -> String {
     let has_networks = |region: &RegionCase| matches!(region.material, RegionMaterial::FiberRve(_));
-    let cure = "use more load steps (`count` in [steps]), or raise `max_cuts` in [steps] and continue with --resume";
+    let cure = "raise `max_cuts` in [steps] and continue with --resume, or use more load steps (`count` in [steps]) and start again";
     if case.regions.iter().any(has_networks) {
         return format!(
-            "if `biotissue check` names networks that have motions which no fiber resists, they are a likely cause: give the \
-             material a `matrix`, or a stiffer one, or use networks with more fibers per node; otherwise check the size and units \
-             of the loads, {cure}"
+            "networks that are compressed, or that have motions which no fiber resists (`biotissue check` names those), are a \
+             likely cause: give the material a `matrix`, or a stiffer one, or use networks with more fibers per node; otherwise \
+             check the size and units of the loads, {cure}"
         );
     }
     cure.into()
@@ -94,6 +94,9 @@ fn cure_of_branches(case: &Case) -> String {
 pub fn expected_of_step<F: std::error::Error + 'static>(reason: &StepFailure<TissueFieldError, F>) -> &'static str {
     match reason {
         NewtonError::Problem(EquilibriumError::UnbalancedLoads { .. }) => "loads that balance on the deformed body",
+        NewtonError::Problem(EquilibriumError::OffBranch(_)) => {
+            "equilibria of all networks that change continuously with the load"
+        }
         _ => "equilibrium with det F > 0 everywhere",
     }
 }

@@ -193,13 +193,11 @@ impl Progress for Reporter {
             "step {}/{} t = {:.4}: {} iterations{linear}{fallback}, residual {residual}{rves}{life}, {:.1} s",
             step.step, self.count, step.t, newton.iterations, newton.seconds.total
         );
-        match &self.bar {
-            Some(bar) => {
-                set_style(bar, "{bar:32} {elapsed} (left {eta}) {msg}");
-                bar.set_position(lock(&self.position).converged(step.t * self.count as f64, newton.iterations));
-                bar.set_message(format!("step {}/{}: {} iterations", step.step, self.count, newton.iterations));
-            }
-            None => output::message(&line),
+        self.message(&line);
+        if let Some(bar) = &self.bar {
+            set_style(bar, "{bar:32} {elapsed} (left {eta}) {msg}");
+            bar.set_position(lock(&self.position).converged(step.t * self.count as f64, newton.iterations));
+            bar.set_message("");
         }
         self.heartbeat.begin(if step.step < self.count {
             format!("step {}/{}: start, before its first iteration", step.step + 1, self.count)

@@ -182,8 +182,10 @@ fn print_summary(summary: &Summary, dir: &Path, json: bool) -> Result<(), Failur
     };
     let scales = summary.scales.iter().map(|scales| format!("{}\n", balance_line(scales)));
     output::print(&format!(
-        "{}{steps} load steps, {iterations} Newton iterations{failed}, {seconds:.1} s; results in {}",
+        "{}{steps} load step{}, {iterations} Newton iteration{}{failed}, {seconds:.1} s; results in {}",
         scales.collect::<String>(),
+        if *steps == 1 { "" } else { "s" },
+        if *iterations == 1 { "" } else { "s" },
         dir.display()
     ))
 }

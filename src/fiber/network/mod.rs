@@ -49,6 +49,12 @@ pub struct Network {
 }
 
 impl Network {
+    /// Returns the network with another name.
+    #[must_use]
+    pub fn with_name(self, name: impl Into<String>) -> Self {
+        Self { name: name.into(), ..self }
+    }
+
     /// Returns the name: the file name without the folder, or the name given by the generator or the caller.
     pub fn name(&self) -> &str {
         &self.name

@@ -1,7 +1,7 @@
 //! The materials of a body with their networks: reads each network once and assigns a material to every integration point.
 
 use std::collections::{HashMap, HashSet};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use nalgebra::Matrix3;
@@ -100,6 +100,7 @@ impl<B: RealBackend> Library<B> {
         let mut reader = Reader::<B> {
             context: &context,
             solver: SolverParams { method: rve.solver, ..SolverParams::default() },
+            names: HashMap::new(),
             networks: HashMap::new(),
             models: Vec::new(),
             sources: Vec::new(),
@@ -275,6 +276,8 @@ struct Reader<'a, B: Backend> {
     context: &'a B::Context,
     /// The parameters of the linear solver of every model.
     solver: SolverParams,
+    /// The names of networks whose files have the same name.
+    names: HashMap<PathBuf, String>,
     /// Each with the edge of its cube in the file.
     networks: HashMap<PathBuf, (Arc<Network>, f64)>,
     models: Vec<RveModel<B>>,
@@ -291,7 +294,9 @@ impl<B: RealBackend> Reader<'_, B> {
             RegionMaterial::FiberRve(rve) => &rve.networks[..],
         });
         let mut tried = HashSet::new();
-        let errors = paths.filter(|&path| tried.insert(path)).filter_map(|path| self.network(path).err()).collect();
+        let paths: Vec<&PathBuf> = paths.filter(|&path| tried.insert(path)).collect();
+        self.names = names_of_same(&paths);
+        let errors = paths.into_iter().filter_map(|path| self.network(path).err()).collect();
         InputErrors::of_files(errors).map_or(Ok(()), Err)
     }
 
@@ -323,10 +328,31 @@ impl<B: RealBackend> Reader<'_, B> {
         }
         let read = file::read(path)?;
         self.warnings.extend(read.warnings);
-        let network = Arc::new(read.network);
+        let name = self.names.get(path).map_or_else(|| read.network.name().to_owned(), String::clone);
+        let network = Arc::new(read.network.with_name(name));
         self.networks.insert(path.clone(), (Arc::clone(&network), read.cube.edges[0]));
         Ok(network)
     }
+}
+
+/// Returns names for different files of the same name in different folders: as many of the last folders in front of it as
+/// distinguish them.
+fn names_of_same(paths: &[&PathBuf]) -> HashMap<PathBuf, String> {
+    let mut of_name = HashMap::<_, Vec<&PathBuf>>::new();
+    paths.iter().for_each(|path| of_name.entry(path.file_name()).or_default().push(path));
+    let last = |path: &Path, parts: usize| {
+        let all: Vec<_> = path.components().map(|part| part.as_os_str().to_string_lossy()).collect();
+        all[all.len().saturating_sub(parts)..].join("/")
+    };
+    let mut names = HashMap::new();
+    for same in of_name.into_values().filter(|same| same.len() > 1) {
+        let longest = same.iter().map(|path| path.components().count()).max().unwrap_or_default();
+        let are_different =
+            |parts: &usize| same.iter().map(|path| last(path, *parts)).collect::<HashSet<_>>().len() == same.len();
+        let parts = (2..longest).find(are_different).unwrap_or(longest);
+        names.extend(same.into_iter().map(|path| (path.clone(), last(path, parts))));
+    }
+    names
 }
 
 /// Assigns one of `count` networks to a point, as a function of the material and the number of the point alone; beyond
@@ -336,5 +362,18 @@ fn assigned(rve: &FiberRve, point: usize, count: usize) -> usize {
         NetworkAssignment::Field(networks) => networks.of_point().get(point).map_or(count, |&network| network as usize),
         NetworkAssignment::Cycle => point % count,
         NetworkAssignment::Random => random_network(rve.seed, point, count),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_of_the_same_name_are_told_apart_by_their_folders() {
+        let paths = ["/n/a/1/x.txt", "/n/b/1/x.txt", "/n/a/2/x.txt", "/n/a/1/y.txt"].map(PathBuf::from);
+        let names = names_of_same(&paths.iter().collect::<Vec<_>>());
+        let found: Vec<_> = paths.iter().map(|path| names.get(path).map(String::as_str)).collect();
+        assert_eq!(found, [Some("a/1/x.txt"), Some("b/1/x.txt"), Some("a/2/x.txt"), None]);
     }
 }

@@ -67,10 +67,7 @@ fn moments(run: &Run) -> Option<Figure> {
     let names = &run.directory.loads.as_ref()?.names;
     let component = |k: usize, axis: usize| move |row: &LoadRow| Some(row.rigid.get(k)?.moment[axis]);
     let series = names.rigid.iter().enumerate().flat_map(|(k, name)| {
-        ["x", "y", "z"]
-            .into_iter()
-            .enumerate()
-            .map(move |(axis, of)| (format!("{name}, about {of}"), component(k, axis)))
+        AXES.into_iter().enumerate().map(move |(axis, of)| (format!("{name}, about {of}"), component(k, axis)))
     });
     let chart = over_time(run, series, ("moment over time", "moment", "N m"))?;
     let caption = "Moment on the body through each rigid surface, about its displaced reference point";
@@ -93,6 +90,8 @@ fn over_increments(run: &Run, value: impl Fn(&super::Increment) -> Option<f64>) 
     numbered.filter_map(|(k, increment)| Some(((k + 1) as f64, value(increment)?))).collect()
 }
 
+const AXES: [&str; 3] = ["x", "y", "z"];
+
 fn is_shear(run: &Run) -> bool {
     run.extension.is_some_and(|extension| extension.kind == Kind::Shear)
 }
@@ -113,7 +112,7 @@ fn force(run: &Run) -> Option<Figure> {
             .collect(),
     };
     let all: Vec<Line> = surfaces.into_iter().map(of_surface).collect();
-    let axis = ["x", "y", "z"][run.axis()];
+    let axis = AXES[run.axis()];
     let labels = Labels {
         chart: if is_shear(run) { "force against shear" } else { "force against extension" },
         x: &format!("{} in {}", run.extension_name(), run.extension_unit()),
@@ -122,9 +121,12 @@ fn force(run: &Run) -> Option<Figure> {
     // Older results do not know where the surfaces are.
     let knows_places = run.directory.start.as_ref().is_some_and(|start| !start.surfaces.is_empty());
     let over = match run.extension_unit() {
-        "%" if knows_places => " over the distance of the surfaces",
-        "%" => " over the length of the body",
-        _ => "",
+        "%" if knows_places => {
+            let [axis, over] = run.extension.map_or([0; 2], |extension| [extension.axis, extension.over]);
+            format!(" along {} over the distance of the surfaces along {}", AXES[axis], AXES[over])
+        }
+        "%" => " over the length of the body".into(),
+        _ => String::new(),
     };
     let measure = format!("of mean surface displacements{over}");
     let [from, to] = run.extension.map_or([0, 0], |extension| extension.surfaces);
@@ -148,7 +150,12 @@ fn extension(run: &Run) -> Option<Figure> {
         x: "load step",
         y: &format!("{} in {} (line)", run.extension_name(), run.extension_unit()),
     };
-    let caption = format!("Macro-scale body {} and Newton iterations per load step", run.extension_name());
+    let name = match run.extension_name() {
+        "shear" => "Shear",
+        "extension" => "Extension",
+        _ => "Elongation",
+    };
+    let caption = format!("{name} of the body and Newton iterations per load step");
     Some(Figure::new("extension", caption, extension_and_iterations(labels, &extension, &iterations)))
 }
 

@@ -196,7 +196,13 @@ fn outcome(directory: &Directory, run: &Run) -> String {
             let resumed_from = directory.start.as_ref().map_or(0, |start| start.resumed_from);
             let since = if resumed_from > 0 { format!(" since step {resumed_from}") } else { String::new() };
             let time = duration(end.seconds);
-            ("state", format!("Converged: {increments} load step{plural} in {time} of wall time{since}."))
+            let words = match directory.steps.last() {
+                Some(last) if last.step == resumed_from => {
+                    "there was nothing left to do when the run was resumed".into()
+                }
+                _ => format!("{time} of wall time{since}"),
+            };
+            ("state", format!("Converged: {increments} load step{plural}; {words}."))
         }
         Some(end) => {
             let reason = end.reason.as_deref().unwrap_or("no reason was written");
@@ -245,7 +251,7 @@ fn facts(directory: &Directory, run: &Run) -> String {
     let forces = run.increments.iter().filter_map(|increment| increment.row).flat_map(|row| &row.surfaces);
     let largest = forces.map(|surface| surface.force.iter().map(|part| part * part).sum::<f64>().sqrt());
     if let Some(force) = largest.max_by(f64::total_cmp).filter(|&force| force > 0.0) {
-        facts.push(("largest force", quantity(force, "N")));
+        facts.push(("largest force on a surface", quantity(force, "N")));
     }
     let stress = run.last_fields.as_ref().and_then(|fields| fields.cell_scalar("von_mises_stress"));
     if let Some(stress) = stress.and_then(|stress| stress.iter().copied().max_by(f64::total_cmp)) {

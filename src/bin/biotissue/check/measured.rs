@@ -47,7 +47,7 @@ impl Measured {
         };
         let evaluations = plural(measurement.evaluations, "evaluation");
         let (step, run) = (duration(forecast.step_seconds), duration(steps as f64 * forecast.step_seconds));
-        lines.push(format!("forecast   {step} per step and {run} for the run in this process, without ranks"));
+        lines.push(format!("forecast   {step} per step and {run} for the run in this process, without ranks, on cores that do nothing else"));
         lines.push(format!(
             "           if all steps are like the first, with {evaluations}, and without writing results; steps in which networks \
              lose stability take longer"
@@ -94,7 +94,7 @@ fn proposal(forecast: &Forecast) -> String {
         return "proposal   no ranks: there are no RVEs to divide among them".into();
     };
     format!(
-        "proposal   scales = {{ macro = {macro_ranks}, micro = {micro_ranks} }}, with a core for each rank; more than {} cores are \
+        "proposal   macro = {macro_ranks} and micro = {micro_ranks} in [scales], with a core for each rank; more than {} cores are \
          not worth it\n           On one machine, use threads without ranks; on several, one micro rank on each, with a thread per \
          core.",
         macro_ranks + micro_ranks

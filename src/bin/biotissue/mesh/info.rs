@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use biotissue::app::mesh_files;
+use biotissue::app::{LARGEST_SAMPLE, mesh_files};
 use clap::Args;
 
 use super::summary;
@@ -14,9 +14,9 @@ use crate::output;
 pub struct InfoArguments {
     /// The mesh file: .msh, .vtu, .inp, .mesh or .feb
     file: PathBuf,
-    /// Length of a mesh unit, in meters, as `scale` in [mesh] of a case: 0.001 for a mesh in mm
-    #[arg(long, value_name = "M", value_parser = real, default_value = "1", allow_hyphen_values = true)]
-    scale: f64,
+    /// Length of a mesh unit, in meters, as `scale` in [mesh] of a case: 0.001 for a mesh in mm [default: 1]
+    #[arg(long, value_name = "M", value_parser = real, allow_hyphen_values = true)]
+    scale: Option<f64>,
     /// Print the summary as JSON
     #[arg(long)]
     json: bool,
@@ -26,9 +26,18 @@ pub struct InfoArguments {
 pub fn run(InfoArguments { file, scale, json }: &InfoArguments) -> Result<(), Failure> {
     let read = mesh_files::read(file).map_err(Failure::from)?;
     output::warn(&read.warnings);
-    let mesh = read.mesh.scaled(*scale).map_err(|error| {
+    let factor = scale.unwrap_or(1.0);
+    let mesh = read.mesh.scaled(factor).map_err(|error| {
         let expected = "a positive, finite length in meters";
-        Failure::arguments(format!("--scale {scale}: {error}"), expected, "give 0.001 for a mesh in mm")
+        Failure::arguments(format!("--scale {factor}: {error}"), expected, "give 0.001 for a mesh in mm")
     })?;
+    let [low, high] = mesh.bounding_box();
+    let edge = (0..3).map(|axis| high[axis] - low[axis]).fold(0.0, f64::max);
+    if scale.is_none() && edge > LARGEST_SAMPLE {
+        output::warn(&[format!(
+            "{}: the body is {edge:.3} m long: if the mesh is in mm, give --scale 0.001",
+            file.display()
+        )]);
+    }
     summary::print(file, &mesh, *json)
 }

@@ -74,7 +74,15 @@ fn write(path: &Path, network: &Network, sidecar: &Sidecar) -> Result<(), Failur
 }
 
 fn read(path: &Path) -> Result<NetworkFile, Failure> {
-    let read = file::read(path)?;
+    let is_mesh =
+        path.extension().is_some_and(|ending| ["msh", "vtu", "inp", "mesh", "feb"].iter().any(|mesh| ending == *mesh));
+    let read = file::read(path).map_err(|mut errors| {
+        if is_mesh {
+            let cure = "if it is a mesh, `biotissue mesh info` reads it";
+            errors.0.iter_mut().filter(|error| error.line.is_some()).for_each(|error| error.cure = cure.into());
+        }
+        errors
+    })?;
     output::warn(&read.warnings);
     Ok(read)
 }
