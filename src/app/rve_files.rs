@@ -148,3 +148,15 @@ impl NetworkFiles {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::ranges;
+
+    #[test]
+    fn numbers_are_listed_by_ranges() {
+        assert_eq!(ranges([0, 1, 2, 7, 9, 10].into_iter()), "0 to 2, 7, 9 to 10");
+        assert_eq!(ranges((0..20).map(|k| 2 * k)), "0, 2, 4, 6, ... up to 38");
+        assert_eq!(ranges(std::iter::empty()), "there is none");
+    }
+}

@@ -76,15 +76,12 @@ fn lock(state: &Mutex<State>) -> MutexGuard<'_, State> {
     state.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// How long an RVE takes that is worth to be named.
-const SLOW: Duration = Duration::from_millis(50);
-
 /// Describes an evaluation of RVEs, and the time since the step began.
 fn describe(progress: Option<RveProgress>, elapsed: Duration) -> String {
     let mut text = String::new();
     if let Some(RveProgress { rves, done, slowest }) = progress {
         text = format!(", {done} of {rves} RVEs done");
-        if let Some(SlowestRve { point, elapsed, stage }) = slowest.filter(|slowest| slowest.elapsed >= SLOW) {
+        if let Some(SlowestRve { point, elapsed, stage }) = slowest {
             let stage = stage.map_or(String::new(), |stage| format!(" (stage: {})", stage.name()));
             text += &format!(", the slowest, of {point}, takes {:.1} s so far{stage}", elapsed.as_secs_f64());
         }
