@@ -30,7 +30,7 @@ pub enum RunError<F: std::error::Error + 'static> {
         /// The file that reproduces the failure of an RVE, if that was the reason.
         failed_rve: Option<PathBuf>,
         /// Where the residual of the body was largest in the last attempt, if Newton's method ended without a small one.
-        largest_residual: Option<LargestResidual>,
+        largest_residual: Option<Box<LargestResidual>>,
     },
     /// The observer of the run has ended it after this load step, which has a checkpoint.
     #[error("interrupted after load step {0}")]

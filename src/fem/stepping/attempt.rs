@@ -23,7 +23,7 @@ pub(super) struct Failed<E, F> {
     /// True if the attempt failed at its start, so that the other start may help.
     pub at_start: bool,
     /// Where the residual is largest.
-    pub largest_residual: Option<LargestResidual>,
+    pub largest_residual: Option<Box<LargestResidual>>,
 }
 
 impl<B: RealBackend, P: PointField> Stepper<B, P> {
@@ -137,7 +137,7 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
         failed: &mut Failed<P::Error, B::Error>,
     ) -> Result<(), EquilibriumError<P::Error, B::Error>> {
         if matches!(failed.reason, NewtonError::LineSearch { .. } | NewtonError::TooManyIterations { .. }) {
-            failed.largest_residual = self.body.largest_residual().map_err(EquilibriumError::Backend)?;
+            failed.largest_residual = self.body.largest_residual().map_err(EquilibriumError::Backend)?.map(Box::new);
         }
         Ok(())
     }

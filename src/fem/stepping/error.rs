@@ -61,7 +61,7 @@ pub enum SteppingError<E: std::fmt::Display, F: std::fmt::Display, O> {
         /// The reason for the failure of the last attempt.
         reason: StepFailure<E, F>,
         /// Where the residual was largest then, if Newton's method ended without a small one.
-        largest_residual: Option<LargestResidual>,
+        largest_residual: Option<Box<LargestResidual>>,
     },
     /// The observer stopped the run.
     #[error("the run was stopped in step {step}, t = {t}: {reason}")]

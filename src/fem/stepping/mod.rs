@@ -254,7 +254,7 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
         observer: &mut O,
     ) -> Result<(), RunError<B, P, O::Error>> {
         let (increment, halvings, field) = (t - from, self.increments.halvings, self.body.field());
-        let (reason_of, newton, residual) = (&reason, &newton, largest_residual.as_ref());
+        let (reason_of, newton, residual) = (&reason, &newton, largest_residual.as_deref());
         let attempt = FailedAttempt {
             step,
             t,

@@ -198,7 +198,7 @@ fn rves(run: &Run) -> Option<Figure> {
     // A few RVEs that take very many iterations would press all other lines to the ground.
     let largest = |of: &[Line]| of.iter().flat_map(|line| &line.points).map(|&(_, y)| y).fold(0.0, f64::max);
     let (maximum, others) =
-        all.split_last().map_or((0.0, 0.0), |(last, others)| (largest(&[last.clone()]), largest(others)));
+        all.split_last().map_or((0.0, 0.0), |(last, others)| (largest(std::slice::from_ref(last)), largest(others)));
     let draw = if maximum > 10.0 * others && others > 0.0 { lines_by_magnitude } else { lines };
     Some(Figure::new("rve-iterations", caption, draw(labels, &all)))
 }

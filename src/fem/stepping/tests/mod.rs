@@ -206,12 +206,13 @@ fn an_attempt_without_equilibrium_names_the_largest_residual() {
     let error = stepper.run(&mut ()).unwrap_err();
     let SteppingError::NotConverged {
         reason: NewtonError::TooManyIterations { residual, .. },
-        largest_residual: Some(LargestResidual { node, position, force, elements }),
+        largest_residual: Some(found),
         ..
     } = error
     else {
         panic!("{error}");
     };
+    let LargestResidual { node, position, force, elements } = *found;
     assert!(force <= residual && force > residual / (mesh.nodes().len() as f64).sqrt(), "{force} of {residual}");
     assert!(position == mesh.nodes()[node] && position[0].abs() < 1.0, "a free node: {position:?}");
     let at_node = (0..mesh.elements().len()).filter(|&element| mesh.elements()[element].contains(&(node as u32)));
