@@ -65,11 +65,12 @@ pub fn page(dir: &Path, options: &PictureOptions) -> Result<String, ReportError>
         Err(ReportError::NoFields { .. }) => {}
         Err(error) => return Err(error),
     }
-    html.push_str(&facts(&directory, &run));
+    let rows = values::rows(&run);
+    html.push_str(&facts(&directory, &run, &rows));
     html.push_str("<section class=\"charts\">\n");
     figures::all(&run).for_each(|chart| html.push_str(&figure(&chart)));
     html.push_str("</section>\n");
-    html.push_str(&values::table(&run));
+    html.push_str(&values::table(&run, &rows));
     html.push_str(&ranks(&directory));
     html.push_str(&table(&directory, &run));
     html.push_str("</main>\n</body>\n</html>\n");
@@ -176,10 +177,16 @@ impl<'a> Run<'a> {
         (0..surfaces).filter(|&surface| largest > 0.0 && most(surface) > 1e-3 * largest).collect()
     }
 
+    /// Returns the largest force on the body through a surface, N; 0 without a table of loads.
+    fn largest_force(&self) -> f64 {
+        let surfaces = self.increments.iter().filter_map(|increment| increment.row).flat_map(|row| &row.surfaces);
+        let sizes = surfaces.map(|surface| surface.force.iter().map(|part| part * part).sum::<f64>().sqrt());
+        sizes.fold(0.0, f64::max)
+    }
+
     /// Returns the power of ten and the prefix of the unit of all forces of the page.
     fn force_prefix(&self) -> (f64, &'static str) {
-        let of = |surface| self.increments.iter().filter_map(move |increment| self.force_of(increment, surface));
-        prefix(self.loaded_surfaces().into_iter().flat_map(of).map(f64::abs).fold(0.0, f64::max))
+        prefix(self.largest_force())
     }
 
     fn surface_name(&self, surface: usize) -> &str {
@@ -229,7 +236,7 @@ fn duration(seconds: f64) -> String {
 }
 
 /// Returns the list of sizes, settings and largest values of the run.
-fn facts(directory: &Directory, run: &Run) -> String {
+fn facts(directory: &Directory, run: &Run, rows: &[values::Row]) -> String {
     let mut facts: Vec<(&str, String)> = Vec::new();
     if let Some(start) = &directory.start {
         facts.extend([
@@ -248,14 +255,14 @@ fn facts(directory: &Directory, run: &Run) -> String {
     if let Some(extension) = run.increments.iter().rev().find_map(|increment| run.extension_of(increment)) {
         facts.push((run.extension_name(), format!("{}\u{a0}{}", significant(extension), run.extension_unit())));
     }
-    let forces = run.increments.iter().filter_map(|increment| increment.row).flat_map(|row| &row.surfaces);
-    let largest = forces.map(|surface| surface.force.iter().map(|part| part * part).sum::<f64>().sqrt());
-    if let Some(force) = largest.max_by(f64::total_cmp).filter(|&force| force > 0.0) {
+    let force = run.largest_force();
+    if force > 0.0 {
         facts.push(("largest force on a surface", quantity(force, "N")));
     }
-    let stress = run.last_fields.as_ref().and_then(|fields| fields.cell_scalar("von_mises_stress"));
-    if let Some(stress) = stress.and_then(|stress| stress.iter().copied().max_by(f64::total_cmp)) {
-        facts.push(("largest von Mises stress", quantity(stress, "Pa")));
+    let stress = |fields: &Fields| fields.cell_scalar("von_mises_stress")?.iter().copied().max_by(f64::total_cmp);
+    if let Some(stress) = run.last_fields.as_ref().and_then(stress) {
+        let (power, prefix) = values::prefix_of_unit(rows, "Pa");
+        facts.push(("largest von Mises stress", format!("{}\u{a0}{prefix}Pa", significant(stress / power))));
     }
     let iterations: usize = directory.steps.iter().map(|step| step.newton.iterations).sum();
     if !directory.steps.is_empty() {
@@ -342,7 +349,7 @@ fn cuts(directory: &Directory) -> String {
     }
     let mut html = String::from(
         "<h2>Failed attempts</h2>\n<div class=\"scroll\"><table><thead><tr><th>step</th><th>target t</th>\
-         <th>Newton iterations</th><th>reason</th></tr></thead>\n<tbody>\n",
+         <th>Newton iterations</th><th class=\"text\">reason</th></tr></thead>\n<tbody>\n",
     );
     for cut in &directory.cuts {
         let (t, reason) = (significant(cut.t), escape(&cut.reason));

@@ -27,29 +27,45 @@ impl Statistics {
     }
 }
 
-/// Returns the table of the quantities at the last step with fields; those of numbered things, as networks, are omitted.
-pub(super) fn table(run: &Run) -> String {
-    let (Some(fields), Some(entry)) = (&run.last_fields, run.directory.fields.last()) else { return String::new() };
-    let mut of_quantities = Vec::new();
-    for quantity in Quantity::all(fields) {
+/// The statistics of a quantity at the last step with fields.
+pub(super) struct Row {
+    label: String,
+    /// How many elements have a value, if not all do.
+    of_part: String,
+    unit: &'static str,
+    is_integer: bool,
+    numbers: [f64; 5],
+}
+
+/// Returns the statistics of the quantities at the last step with fields; those of numbered things, as networks, are
+/// omitted.
+pub(super) fn rows(run: &Run) -> Vec<Row> {
+    let Some(fields) = &run.last_fields else { return Vec::new() };
+    let row = |quantity: Quantity| {
         // Iterations can be averaged; elements without RVE have -1.
         let is_counted = !quantity.is_integer || quantity.name == "rve_iterations";
         let values: Vec<f64> = quantity.values.iter().copied().filter(|&x| !quantity.is_integer || x >= 0.0).collect();
-        if let Some(Statistics(numbers)) = Statistics::of(&values).filter(|_| is_counted) {
-            let (count, all) = (values.iter().filter(|value| value.is_finite()).count(), fields.elements.len());
-            let of_part = if count < all { format!(" ({count} of {all} elements)") } else { String::new() };
-            of_quantities.push((quantity.label, of_part, quantity.unit, quantity.is_integer, numbers));
-        }
-    }
-    // All quantities of one unit get the same prefix.
-    let scale_of = |unit: &str| {
-        let numbers = of_quantities.iter().filter(|(_, _, other, ..)| *other == unit).flat_map(|(.., numbers)| numbers);
-        let largest = numbers.map(|number| number.abs()).fold(0.0, f64::max);
-        if unit.is_empty() { (1.0, "") } else { prefix(largest) }
+        let Statistics(numbers) = Statistics::of(&values).filter(|_| is_counted)?;
+        let (count, all) = (values.iter().filter(|value| value.is_finite()).count(), fields.elements.len());
+        let of_part = if count < all { format!(" ({count} of {all} elements)") } else { String::new() };
+        Some(Row { label: quantity.label, of_part, unit: quantity.unit, is_integer: quantity.is_integer, numbers })
     };
+    Quantity::all(fields).into_iter().filter_map(row).collect()
+}
+
+/// Returns the power of ten and the prefix of all values of a unit.
+pub(super) fn prefix_of_unit(rows: &[Row], unit: &str) -> (f64, &'static str) {
+    let numbers = rows.iter().filter(|row| row.unit == unit).flat_map(|row| row.numbers);
+    let largest = numbers.map(f64::abs).fold(0.0, f64::max);
+    if unit.is_empty() { (1.0, "") } else { prefix(largest) }
+}
+
+/// Returns the table of the quantities.
+pub(super) fn table(run: &Run, of_quantities: &[Row]) -> String {
+    let Some(entry) = run.directory.fields.last() else { return String::new() };
     let mut rows = String::new();
-    for (label, of_part, unit, is_integer, numbers) in &of_quantities {
-        let (power, prefix) = scale_of(unit);
+    for Row { label, of_part, unit, is_integer, numbers } in of_quantities {
+        let (power, prefix) = prefix_of_unit(of_quantities, unit);
         let label = if unit.is_empty() { label.clone() } else { format!("{label} in {prefix}{unit}") };
         let text = |number: f64| match *is_integer && number.fract() == 0.0 {
             true => format!("{number:.0}"),
@@ -61,7 +77,8 @@ pub(super) fn table(run: &Run) -> String {
     if rows.is_empty() {
         return String::new();
     }
-    let of = entry.step().map_or_else(|| "within a step".to_owned(), |step| format!("at step {step}"));
+    let within = || format!("at t = {}, within a step", significant(entry.time));
+    let of = entry.step().map_or_else(within, |step| format!("at step {step}"));
     format!(
         "<h2>Values of the elements {of}</h2>\n<div class=\"scroll wide\"><table class=\"values\"><thead><tr><th></th>\
          <th>smallest</th><th>median</th><th>mean</th><th>95th percentile</th><th>largest</th></tr></thead>\n<tbody>\n\

@@ -127,7 +127,7 @@ pub(super) fn collect(
 /// Gives all fields of a unit the same prefix, that of the largest number at the end of a color map.
 fn share_prefixes(fields: &mut [Field]) {
     let sizes: Vec<(String, f64)> =
-        fields.iter().map(|field| (field.unit.clone(), field.range[0].abs().max(field.range[1].abs()))).collect();
+        fields.iter().map(|field| (field.unit.clone(), field.extremes[0].abs().max(field.extremes[1].abs()))).collect();
     for field in fields.iter_mut().filter(|field| !field.unit.is_empty()) {
         let of_unit = sizes.iter().filter(|(unit, _)| *unit == field.unit);
         let (power, name) = prefix(of_unit.map(|(_, size)| *size).fold(0.0, f64::max));
