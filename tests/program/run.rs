@@ -142,7 +142,7 @@ fn check_prints_the_plan_and_writes_nothing() {
         "6 tet4; 6 integration points",
         "8 free",
         "frozen.txt",
-        "condition  surface \"x1\" (2 faces, 1.0000e0 m^2): displacement x\n",
+        "condition  surface \"x1\" (2 faces, 1.0000e0 m^2): displacement x 0.05 m, 5.0 % of the longest edge\n",
         "free       surfaces y0 (1.0000e0 m^2), y1 (1.0000e0 m^2), z0 (1.0000e0 m^2), z1 (1.0000e0 m^2)\n",
         "box        [0.0, 0.0, 0.0] to [1.0, 1.0, 1.0] m, volume 1.0000e0 m^3\n",
         "quality    0.756 (element 0) or better, median 0.756; mean ratio, 1 is ideal\n",

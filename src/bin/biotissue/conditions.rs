@@ -9,7 +9,7 @@ use serde::Serialize;
 /// A boundary condition or a load, and where it acts.
 #[derive(Serialize)]
 pub struct ConditionPlan {
-    /// What it prescribes, such as `displacement x, y`.
+    /// What it prescribes, such as `displacement x 0.001, y 0 m, 5.0 % of the longest edge`.
     condition: String,
     /// A surface, a node or a region.
     place: String,
@@ -39,11 +39,13 @@ impl ConditionPlan {
 
 /// Returns the conditions of a case with the sizes of its loads, and the surfaces without one.
 pub fn conditions(case: &Case, mesh: &Mesh, loads: &[LoadSize]) -> (Vec<ConditionPlan>, Vec<String>) {
+    let [low, high] = mesh.bounding_box();
+    let edge = (0..3).map(|axis| high[axis] - low[axis]).fold(0.0, f64::max);
     let size_of = |of: LoadOf| loads.iter().find(|load| load.of == of).cloned();
     let on_surfaces = case.boundaries.iter().enumerate().filter_map(|(number, boundary)| {
         let surface = mesh.surfaces().iter().find(|surface| surface.name == boundary.surface)?;
         Some(ConditionPlan {
-            condition: of_surface(&boundary.load),
+            condition: of_surface(&boundary.load, edge),
             place: format!("surface \"{}\"", boundary.surface),
             faces: Some(surface.faces.len()),
             area: Some(mesh.surface_area(surface)),
@@ -57,11 +59,9 @@ pub fn conditions(case: &Case, mesh: &Mesh, loads: &[LoadSize]) -> (Vec<Conditio
         area: None,
         load,
     };
-    let on_points = case
-        .points
-        .iter()
-        .enumerate()
-        .map(|(number, point)| elsewhere(of_point(point), node(case, mesh, point), size_of(LoadOf::Point(number))));
+    let on_points = case.points.iter().enumerate().map(|(number, point)| {
+        elsewhere(of_point(point, edge), node(case, mesh, point), size_of(LoadOf::Point(number)))
+    });
     let on_regions = case.body_forces.iter().enumerate().map(|(number, force)| {
         let components = force.value.each_ref().map(|value| !value.is_zero());
         let (condition, place) = (format!("body force {}", listed(components)), format!("region \"{}\"", force.region));
@@ -77,10 +77,10 @@ pub fn conditions(case: &Case, mesh: &Mesh, loads: &[LoadSize]) -> (Vec<Conditio
     (on_surfaces.chain(on_points).chain(on_regions).collect(), free)
 }
 
-fn of_surface(load: &SurfaceLoad) -> String {
-    let of = |components: &[Option<LoadValue>; 3]| listed(components.each_ref().map(Option::is_some));
+/// Describes what acts on a surface of a body with this longest edge, m.
+fn of_surface(load: &SurfaceLoad, edge: f64) -> String {
     match load {
-        SurfaceLoad::Displacement(components) => format!("displacement {}", of(components)),
+        SurfaceLoad::Displacement(components) => displacement(components, edge),
         SurfaceLoad::Traction(values) => {
             format!("traction {}", listed(values.each_ref().map(|value| !value.is_zero())))
         }
@@ -88,17 +88,40 @@ fn of_surface(load: &SurfaceLoad) -> String {
         SurfaceLoad::Foundation(_) => "elastic foundation".into(),
         SurfaceLoad::Symmetry => "plane of symmetry".into(),
         SurfaceLoad::Rigid(rigid) => {
-            format!("rigid; displacement {}; rotation {}", of(&rigid.displacement), of(&rigid.rotation))
+            let rotation = values(&rigid.rotation, "rad");
+            format!("rigid; {}; rotation {rotation}", displacement(&rigid.displacement, edge))
         }
     }
 }
 
-fn of_point(point: &PointCase) -> String {
-    let displacement = point.displacement.each_ref().map(Option::is_some);
+fn of_point(point: &PointCase, edge: f64) -> String {
+    let is_moved = point.displacement.iter().any(Option::is_some);
     let force = point.force.as_ref().map_or([false; 3], |force| force.each_ref().map(|value| !value.is_zero()));
-    let kinds = [("displacement", displacement), ("force", force)];
-    let given = kinds.into_iter().filter(|(_, components)| components.contains(&true));
-    given.map(|(kind, components)| format!("{kind} {}", listed(components))).collect::<Vec<_>>().join("; ")
+    let moved = is_moved.then(|| displacement(&point.displacement, edge));
+    let pulled = force.contains(&true).then(|| format!("force {}", listed(force)));
+    moved.into_iter().chain(pulled).collect::<Vec<_>>().join("; ")
+}
+
+/// Describes prescribed displacements, m, and the largest number among them relative to the longest edge of the body.
+fn displacement(components: &[Option<LoadValue>; 3], edge: f64) -> String {
+    let numbers = components.iter().flatten().filter_map(|value| match value {
+        LoadValue::Number(number) => Some(number.abs()),
+        LoadValue::Expression(_) => None,
+    });
+    let largest = numbers.fold(0.0, f64::max);
+    let share =
+        if largest > 0.0 { format!(", {:.1} % of the longest edge", 100.0 * largest / edge) } else { String::new() };
+    format!("displacement {}{share}", values(components, "m"))
+}
+
+/// Lists components with their values, such as `x 0.1, z "t^2" m`.
+fn values(components: &[Option<LoadValue>; 3], unit: &str) -> String {
+    let value = |(name, value): (&str, &Option<LoadValue>)| match value.as_ref()? {
+        LoadValue::Number(number) => Some(format!("{name} {number}")),
+        LoadValue::Expression(expression) => Some(format!("{name} {:?}", expression.text())),
+    };
+    let given: Vec<String> = ["x", "y", "z"].into_iter().zip(components).filter_map(value).collect();
+    if given.is_empty() { "free".into() } else { format!("{} {unit}", given.join(", ")) }
 }
 
 fn node(case: &Case, mesh: &Mesh, point: &PointCase) -> String {
