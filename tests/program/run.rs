@@ -395,10 +395,13 @@ fn files_and_counts_of_a_case_must_be_valid() {
         let failed = run(folder.path(), &text, "");
         assert!(failed.failed(2).contains(message), "{message}: {}", failed.stderr);
     }
-    for case in ["absent.toml", "."] {
+    for (case, message) in [("absent.toml", "cannot be read: "), (".", "is a folder"), ("letters.txt", "")] {
         let failed = biotissue(folder.path(), &["run", case]);
-        assert!(failed.failed(2).starts_with(&format!("error: {case}: cannot be read: ")), "{}", failed.stderr);
+        assert!(failed.failed(2).starts_with(&format!("error: {case}")), "{}", failed.stderr);
+        assert!(failed.stderr.contains(message), "{}", failed.stderr);
     }
+    let failed = biotissue(folder.path(), &["check", "letters.txt"]);
+    assert!(failed.failed(2).contains("`biotissue network check`"), "{}", failed.stderr);
 }
 
 #[test]
