@@ -119,15 +119,21 @@ pub(super) fn collect(
         }
     }
     let displacement_range = color::range(&lengths.concat()).into();
+    let sizes: Vec<(&str, f64)> =
+        series.iter().map(|(quantity, _)| (quantity.unit, largest(&quantity.values))).collect();
     let mut fields: Vec<Field> = series.into_iter().map(|(quantity, series)| field(quantity, &series)).collect();
-    share_prefixes(&mut fields);
+    share_prefixes(&mut fields, &sizes);
     Ok(Steps { fields, steps, displacement_range, omitted })
 }
 
-/// Gives all fields of a unit the same prefix, that of the largest number at the end of a color map.
-fn share_prefixes(fields: &mut [Field]) {
-    let sizes: Vec<(String, f64)> =
-        fields.iter().map(|field| (field.unit.clone(), field.extremes[0].abs().max(field.extremes[1].abs()))).collect();
+/// Returns the largest size of the finite numbers.
+fn largest(numbers: &[f64]) -> f64 {
+    numbers.iter().map(|number| number.abs()).filter(|size| size.is_finite()).fold(0.0, f64::max)
+}
+
+/// Gives all fields of a unit the same prefix, that of the largest of the `sizes` of its quantities: the values of the elements
+/// at the last step, as in the tables of the page.
+fn share_prefixes(fields: &mut [Field], sizes: &[(&str, f64)]) {
     for field in fields.iter_mut().filter(|field| !field.unit.is_empty()) {
         let of_unit = sizes.iter().filter(|(unit, _)| *unit == field.unit);
         let (power, name) = prefix(of_unit.map(|(_, size)| *size).fold(0.0, f64::max));
@@ -257,7 +263,8 @@ mod tests {
             of("shear_stress", vec![-3.0, 1.0]),
             of("fiber_alignment", vec![0.1, 0.2]),
         ];
-        share_prefixes(&mut fields);
+        let sizes = [("Pa", 2e4), ("Pa", 3.0), ("", 0.2)];
+        share_prefixes(&mut fields, &sizes);
         assert_eq!([0, 1, 2].map(|k| (&*fields[k].unit, fields[k].factor)), [("kPa", 1e-3), ("kPa", 1e-3), ("", 1.0)]);
     }
 
