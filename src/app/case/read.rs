@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use toml::de::DeTable;
 
+use crate::app::mesh_files::ENDINGS;
 use crate::input::{InputError, InputErrors, excerpt};
 
 use super::data::Case;
@@ -124,7 +125,7 @@ fn has_decimal_comma(line: &str) -> bool {
 /// Returns the cure if a file with this ending is an input of a case rather than a case.
 fn cure_of_other_file(ending: &str) -> Option<&'static str> {
     match ending {
-        "msh" | "vtu" | "inp" | "mesh" | "feb" => Some(
+        mesh if ENDINGS.contains(&mesh) => Some(
             "this looks like a mesh: name it as `file` in [mesh] of a case, or look at it with `biotissue mesh info`",
         ),
         "txt" => Some(

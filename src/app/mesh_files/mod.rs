@@ -26,6 +26,9 @@ use super::vtu;
 use crate::fem::mesh::gmsh::{self, MeshFile};
 use crate::input::InputError;
 
+/// The endings of the names of mesh files, without the dot.
+pub const ENDINGS: [&str; 5] = ["msh", "vtu", "inp", "mesh", "feb"];
+
 /// Reads a mesh, in the units of the file.
 ///
 /// # Errors

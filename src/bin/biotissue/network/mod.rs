@@ -10,6 +10,7 @@ mod text;
 
 use std::path::Path;
 
+use biotissue::app::mesh_files::ENDINGS;
 use biotissue::fiber::network::check::RigidityError;
 use biotissue::fiber::network::file::file_set::{FileSetError, write_file_set};
 use biotissue::fiber::network::file::sidecar::{FiberTypes, NamedLaw, Sidecar};
@@ -74,8 +75,7 @@ fn write(path: &Path, network: &Network, sidecar: &Sidecar) -> Result<(), Failur
 }
 
 fn read(path: &Path) -> Result<NetworkFile, Failure> {
-    let is_mesh =
-        path.extension().is_some_and(|ending| ["msh", "vtu", "inp", "mesh", "feb"].iter().any(|mesh| ending == *mesh));
+    let is_mesh = path.extension().is_some_and(|ending| ENDINGS.iter().any(|mesh| ending == *mesh));
     let read = file::read(path).map_err(|mut errors| {
         if is_mesh {
             let cure = "if it is a mesh, `biotissue mesh info` reads it";
