@@ -28,7 +28,7 @@ use std::time::{Duration, Instant};
 
 use biotissue::coupling::balance::{
     self, Balancer, Cost, CostHistory, Diffusive, Greedy, Iterations, Moves, Predictor, Quantity, TriggerParams,
-    Weights, max_over_mean, migrate,
+    UnitLoads, Weights, max_over_mean, migrate,
 };
 use biotissue::coupling::{Channel, Comm, Coupling, EvenPartition, Message, Plan, Role, Scales, Share};
 use biotissue::las::conformance::Random;
@@ -175,7 +175,9 @@ impl<C: Comm> Cells<C> {
     /// Balances if that pays.
     fn balance(&mut self, weights: &impl Weights, balancer: &mut Balancer) -> Outcome<()> {
         let (weights, bytes) = self.weights(weights);
-        let Some(due) = balancer.plan(&self.scale, &Diffusive::default(), &weights, &bytes)? else {
+        let own = UnitLoads { weights: &weights, bytes: &bytes, partners: &[] };
+        let (scale, histories) = (&self.scale, &mut self.histories);
+        let Some(due) = balancer.plan(scale, &Diffusive::default(), own, histories)? else {
             // The body waits for an update: one that moves nothing.
             return self.migrate(&Moves::default(), 0);
         };
@@ -241,7 +243,7 @@ fn run<C: Comm>(world: &C, load: Load, scheme: &Scheme) -> Outcome<Option<Shares
             Kind::Nothing => false,
             Kind::Text => ends_step && cells.imbalance(seconds)? >= 1.05,
             Kind::Ours(_, when) => {
-                balancer.observe(&cells.scale, seconds)?;
+                balancer.observe(&cells.scale, seconds, &mut cells.histories, &costs)?;
                 balancer.is_due() && (when == When::Iteration || ends_step)
             }
         };

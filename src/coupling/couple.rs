@@ -180,6 +180,15 @@ impl<C: Comm> Coupling<C> {
         &self.map.units
     }
 
+    /// Returns the rank of the other scale that each unit exchanges with, in the order of [`units`](Self::units).
+    pub fn partners(&self) -> Vec<u32> {
+        let mut partners = vec![0; self.map.units.len()];
+        for neighbor in &self.map.neighbors {
+            neighbor.indices.iter().for_each(|&index| partners[index as usize] = neighbor.rank as u32);
+        }
+        partners
+    }
+
     /// Returns the neighbors of this rank, as ranks of the other scale, and the number of units exchanged with each.
     pub fn neighbors(&self) -> impl Iterator<Item = (usize, usize)> {
         self.map.neighbors.iter().map(|neighbor| (neighbor.rank, neighbor.indices.len()))

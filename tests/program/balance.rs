@@ -11,7 +11,7 @@ use crate::run::{events, fibers, run};
 
 /// Returns a case whose RVEs move as often as any other plan seems better.
 pub fn restless(text: &str, scales: (usize, usize), balance: &str) -> String {
-    let trigger = "{ threshold = 1.0, sweeps = 1, cool_down = 0, horizon = 1e12 }";
+    let trigger = "{ threshold = 1.0, always = true }";
     format!("{}balance = {{ trigger = {trigger}, {balance} }}\n", with_scales(text, scales))
 }
 

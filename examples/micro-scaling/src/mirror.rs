@@ -2,7 +2,9 @@
 
 use std::time::{Duration, Instant};
 
-use biotissue::coupling::balance::{self, BalanceError, Cost, CostHistory, Loads, Moves, Predictor, Quantity, migrate};
+use biotissue::coupling::balance::{
+    self, BalanceError, Cost, CostHistory, Loads, Moves, Predictor, Quantity, UnitLoads, migrate,
+};
 use biotissue::coupling::{Comm, CommError, Message};
 use biotissue::las::{Disagreement, ReceiveRequest, SendRequest, Tag};
 
@@ -116,7 +118,7 @@ impl Comm for Mirror {
 pub struct LocalSeconds {
     /// `balance::record` with a predictor, and the sum and maximum of the seconds of all ranks: after every sweep.
     pub record: f64,
-    /// `Loads::gather`: once per plan.
+    /// `Loads::gather_units`: once per plan.
     pub gather: f64,
     /// `migrate`, of one unit: once per migration.
     pub migrate: f64,
@@ -135,6 +137,8 @@ impl LocalSeconds {
         let mut histories = vec![CostHistory::new(0); units];
         let weights = vec![1.0; units];
         let bytes = vec![1; units];
+        let partners = vec![0; units];
+        let own = UnitLoads { weights: &weights, bytes: &bytes, partners: &partners };
         let names: Vec<u64> = (0..units as u64).collect();
         let moves = if ranks > 1 && units > 0 { Moves::default().with(&[0], 1) } else { Moves::default() };
         let record = least(|| {
@@ -142,7 +146,7 @@ impl LocalSeconds {
             scale.sum(&mut [1.0])?;
             scale.max(&mut [1.0]).map_err(BalanceError::from)
         })?;
-        let gather = least(|| Loads::gather(&scale, &weights, &bytes).map(drop))?;
+        let gather = least(|| Loads::gather_units(&scale, own).map(drop))?;
         let migrate = least(|| migrate(&scale, &moves, &names, |_| Message::new()).map(drop))?;
         Ok(Self { record, gather, migrate })
     }

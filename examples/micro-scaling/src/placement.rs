@@ -36,14 +36,23 @@ impl Placement {
         (0..self.ranks()).map(|rank| self.of(rank))
     }
 
-    /// Returns the loads of all ranks for a planner; each RVE has a state of `bytes`.
+    /// Returns the loads of all ranks for a planner; each RVE has a state of `bytes`. With a number of macro ranks, it
+    /// exchanges with one of them, as in [`macro_neighbors`](Self::macro_neighbors).
     ///
     /// # Errors
     /// Returns [`BalanceError`] if a weight is invalid.
-    pub fn loads(&self, weight: impl Fn(usize) -> f64, bytes: u64) -> Result<Loads, BalanceError> {
+    pub fn loads(
+        &self,
+        weight: impl Fn(usize) -> f64,
+        bytes: u64,
+        macro_ranks: Option<usize>,
+    ) -> Result<Loads, BalanceError> {
         let of_rank = |units: &[u32]| units.iter().map(|&unit| weight(unit as usize)).collect();
         let weights: Vec<Vec<f64>> = self.iter().map(of_rank).collect();
-        Loads::new(&weights)?.with_bytes(vec![bytes; self.units.len()])
+        let loads = Loads::new(&weights)?.with_bytes(vec![bytes; self.units.len()])?;
+        let Some(ranks) = macro_ranks else { return Ok(loads) };
+        let units = self.units.len().max(1);
+        loads.with_partners(self.units.iter().map(|&unit| (unit as usize * ranks / units) as u32).collect())
     }
 
     /// Moves RVEs by a plan; afterwards they have the order of [`MigrationPlan::sequence_after`].
@@ -100,10 +109,11 @@ mod tests {
         let mut plan = MigrationPlan::new(3);
         plan.set(0, Moves::default().with(&[1], 2));
         plan.set(1, Moves::default().with(&[0, 2], 2));
-        let loads = placement.loads(|unit| unit as f64, 4).unwrap();
+        let loads = placement.loads(|unit| unit as f64, 4, Some(2)).unwrap();
         placement.migrate(&plan).unwrap();
         assert_eq!(of(&placement), [vec![0, 2], vec![4], vec![6, 7, 1, 3, 5]]);
-        assert_eq!(placement.loads(|unit| unit as f64, 4), loads.after(&plan));
+        assert_eq!((loads.most_neighbors(), loads.after(&plan).unwrap().most_neighbors()), (2, 2));
+        assert_eq!(placement.loads(|unit| unit as f64, 4, Some(2)), loads.after(&plan));
         assert_eq!(placement.macro_neighbors(2), 2);
         assert_eq!(placement.macro_neighbors(8), 1);
     }

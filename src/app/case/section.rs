@@ -331,6 +331,7 @@ fn trigger(value: &Value<'_>) -> TriggerParams {
         sweeps: table.integer("sweeps", 1..=1_000_000).unwrap_or(default.sweeps),
         cool_down: table.integer("cool_down", 0..=1_000_000).unwrap_or(default.cool_down),
         horizon: table.number("horizon", Range::above(0.0, "sweeps")).unwrap_or(default.horizon),
+        always: table.boolean("always").unwrap_or(default.always),
         ..default
     };
     table.report_unknown_keys();

@@ -168,6 +168,7 @@ fn balance(balance: Option<&BalanceParams>) -> Entry<'static> {
             entry("sweeps", trigger.sweeps),
             entry("cool_down", trigger.cool_down),
             entry("horizon", trigger.horizon),
+            entry("always", trigger.always),
         ],
     );
     let (planner, weights) = (entry("planner", planner.name()), entry("weights", weights.name()));

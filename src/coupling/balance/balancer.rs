@@ -3,10 +3,11 @@
 use std::time::Instant;
 
 use super::error::BalanceError;
-use super::loads::Loads;
+use super::loads::{Loads, UnitLoads};
 use super::plan::{MigrationPlan, Moves};
-use super::planner::{Planner, plan};
+use super::planner::{Planner, plan_units};
 use super::trigger::{Estimate, Trigger, TriggerParams};
+use super::weights::{Cost, CostHistory};
 use crate::las::Comm;
 
 /// Decides when the units of one scale move, by a [`Trigger`] that gets the times of the slowest rank: all ranks decide
@@ -31,11 +32,26 @@ impl Balancer {
         Self { trigger: Trigger::new(params), is_due: false }
     }
 
-    /// Records the seconds that a sweep took on this rank. Collective over the scale.
+    /// Records the seconds that a sweep took on this rank, and the costs of its units, whose histories show which of them
+    /// the last plan contained. Collective over the scale.
     ///
     /// # Errors
-    /// Returns [`BalanceError`] if the communication fails.
-    pub fn observe<C: Comm>(&mut self, scale: &C, seconds: f64) -> Result<(), BalanceError> {
+    /// Returns [`BalanceError`] if the numbers of histories and costs differ, or the communication fails.
+    pub fn observe<C: Comm>(
+        &mut self,
+        scale: &C,
+        seconds: f64,
+        histories: &mut [CostHistory],
+        costs: &[Cost],
+    ) -> Result<(), BalanceError> {
+        let (units, found) = (histories.len(), costs.len());
+        if found != units {
+            return Err(BalanceError::Count { rank: scale.rank(), units, found, what: "costs" });
+        }
+        if self.trigger.awaits_comparison() {
+            let [here, elsewhere] = largest_loads(scale, histories, costs)?;
+            self.trigger.compare(here, elsewhere);
+        }
         let mut sum = [seconds];
         scale.sum(&mut sum)?;
         let mean = sum[0] / scale.size() as f64;
@@ -43,13 +59,19 @@ impl Balancer {
         Ok(())
     }
 
+    /// Records the seconds that the exchange with other scales took in the last sweep ([`Trigger::observe_exchange`]), the
+    /// same number on all ranks.
+    pub fn observe_exchange(&mut self, seconds: f64) {
+        self.trigger.observe_exchange(seconds);
+    }
+
     /// Returns true if a sweep since the last plan was so unbalanced that a migration may pay; the same on all ranks.
     pub fn is_due(&self) -> bool {
         self.is_due
     }
 
-    /// Plans a migration of units with these weights and bytes, as [`plan`] does, and measures how long that takes;
-    /// `None` if it does not pay. Collective over the scale.
+    /// Plans a migration of units, as [`plan_units`] does, and measures how long that takes; `None` if it does not pay. Marks the units of the plan in their histories, which must migrate with them; without
+    /// histories (an empty slice), the balancer does not learn what its plans achieve. Collective over the scale.
     ///
     /// # Errors
     /// Returns [`BalanceError`] if the arguments or the plan are invalid, or the communication fails.
@@ -57,14 +79,15 @@ impl Balancer {
         &mut self,
         scale: &C,
         planner: &(impl Planner + ?Sized),
-        weights: &[f64],
-        bytes: &[u64],
+        own: UnitLoads<'_>,
+        histories: &mut [CostHistory],
     ) -> Result<Option<DueMigration>, BalanceError> {
         let start = Instant::now();
         self.is_due = false;
-        let (loads, plan) = plan(scale, planner, weights, bytes)?;
+        let (loads, plan) = plan_units(scale, planner, own)?;
         let seconds = slowest(scale, start.elapsed().as_secs_f64())?;
         let accepted = self.trigger.accept(&loads, &plan, seconds)?;
+        mark(histories, plan.of(scale.rank()), accepted.map(|_| scale.rank()));
         Ok(accepted.map(|estimate| DueMigration { loads, plan, estimate }))
     }
 
@@ -107,6 +130,32 @@ impl DueMigration {
     pub fn max_over_mean(&self) -> [f64; 2] {
         [self.loads.max_over_mean(), self.estimate.max_over_mean]
     }
+}
+
+/// Marks the units of a plan with the rank on which they will not be: their `origin` if the plan is carried out, else the
+/// rank that they would move to.
+fn mark(histories: &mut [CostHistory], moves: &Moves, origin: Option<usize>) {
+    histories.iter_mut().for_each(|history| history.set_other_rank(None));
+    for (to, units) in moves.iter() {
+        for &unit in units {
+            if let Some(history) = histories.get_mut(unit as usize) {
+                history.set_other_rank(Some(origin.unwrap_or(to)));
+            }
+        }
+    }
+}
+
+/// Returns the seconds of the most loaded rank, and those that it would have if all marked units were on the other rank.
+/// Collective.
+fn largest_loads<C: Comm>(scale: &C, histories: &mut [CostHistory], costs: &[Cost]) -> Result<[f64; 2], BalanceError> {
+    let (mut here, mut elsewhere) = (0.0, vec![0.0; scale.size()]);
+    for (history, cost) in histories.iter_mut().zip(costs) {
+        let other = history.take_other_rank().filter(|&rank| rank < scale.size());
+        here += cost.seconds;
+        elsewhere[other.unwrap_or(scale.rank())] += cost.seconds;
+    }
+    scale.sum(&mut elsewhere)?;
+    Ok([slowest(scale, here)?, elsewhere.into_iter().fold(0.0, f64::max)])
 }
 
 /// Returns the seconds of the slowest rank. Collective.

@@ -40,6 +40,14 @@ pub enum BalanceError {
         /// Number of sizes given.
         found: usize,
     },
+    /// The number of partners is not that of the units of all ranks.
+    #[error("the scale has {units} units, but {found} ranks that they exchange with were given")]
+    Partners {
+        /// Number of units of all ranks.
+        units: usize,
+        /// Number of ranks given.
+        found: usize,
+    },
     /// The migration plan is for another number of ranks.
     #[error("the migration plan is for {found} ranks; the scale has {ranks}")]
     Ranks {

@@ -1,16 +1,33 @@
 //! The loads of all ranks of a scale: what a planner knows.
 
+use std::collections::HashMap;
+
 use super::error::BalanceError;
 use super::plan::MigrationPlan;
 use crate::las::{Comm, Message};
 
-/// The weight of every unit of a scale, by rank, and optionally its size in bytes.
+/// What a rank knows of its units ahead of a plan; each array has one value per unit, or none.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct UnitLoads<'a> {
+    /// What each unit is expected to cost.
+    pub weights: &'a [f64],
+    /// The number of bytes that a migration of each unit would send; empty if it is unknown.
+    pub bytes: &'a [u64],
+    /// The rank of another scale that each unit exchanges with ([`Coupling::partners`](crate::coupling::Coupling::partners));
+    /// empty if it is unknown.
+    pub partners: &'a [u32],
+}
+
+/// The weight of every unit of a scale, by rank, and optionally its size in bytes and the rank of another scale that it
+/// exchanges with.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Loads {
     /// Weights of the units of all ranks, one rank after the other.
     weights: Vec<f64>,
     /// Sizes of the units; empty if they are unknown.
     bytes: Vec<u64>,
+    /// The rank of another scale that each unit exchanges with; empty if they are unknown.
+    partners: Vec<u32>,
     /// The position of the first unit of each rank, and the number of all units.
     offsets: Vec<usize>,
 }
@@ -40,6 +57,18 @@ impl Loads {
         Ok(Self { bytes, ..self })
     }
 
+    /// Sets the rank of another scale that each unit exchanges with, in the order of [`weights`](Self::weights).
+    ///
+    /// # Errors
+    /// Returns [`BalanceError::Partners`] if their number is not that of the units.
+    pub fn with_partners(self, partners: Vec<u32>) -> Result<Self, BalanceError> {
+        let (units, found) = (self.units(), partners.len());
+        if found != units {
+            return Err(BalanceError::Partners { units, found });
+        }
+        Ok(Self { partners, ..self })
+    }
+
     /// Gathers the weights of all units of a scale; each rank passes those of its units, as for [`new`](Self::new), and
     /// the number of bytes that a migration of each unit would send, or none. Collective over the scale.
     ///
@@ -47,27 +76,46 @@ impl Loads {
     /// Returns [`BalanceError`] on all ranks if a weight is negative or infinite, if a rank passes another number of
     /// sizes than weights, or if the communication fails.
     pub fn gather<C: Comm>(scale: &C, weights: &[f64], bytes: &[u64]) -> Result<Self, BalanceError> {
-        let mut own = vec![Message::of(weights)];
-        own.extend((!bytes.is_empty()).then(|| Message::of(bytes)));
-        let all = scale.gather_all(Message::join(own))?;
+        Self::gather_units(scale, UnitLoads { weights, bytes, partners: &[] })
+    }
+
+    /// As [`gather`](Self::gather), with the ranks of another scale that the units exchange with. Collective over the scale.
+    ///
+    /// # Errors
+    /// As for [`gather`](Self::gather).
+    pub fn gather_units<C: Comm>(scale: &C, own: UnitLoads<'_>) -> Result<Self, BalanceError> {
+        let UnitLoads { weights, bytes, partners } = own;
+        let own = Message::join(vec![Message::of(weights), Message::of(bytes), Message::of(partners)]);
         let mut loads = Self { offsets: vec![0], ..Self::default() };
-        let mut sizes = Vec::with_capacity(all.len());
-        for message in &all {
+        let mut counts = Vec::with_capacity(scale.size());
+        for message in &scale.gather_all(own)? {
             let parts = message.split().unwrap_or_default();
             let part = |at: usize| parts.get(at).copied().unwrap_or_default();
             loads.push(bytemuck::try_cast_slice(part(0)).unwrap_or_default())?;
             let bytes: &[u64] = bytemuck::try_cast_slice(part(1)).unwrap_or_default();
+            let partners: &[u32] = bytemuck::try_cast_slice(part(2)).unwrap_or_default();
             loads.bytes.extend_from_slice(bytes);
-            sizes.push(bytes.len());
+            loads.partners.extend_from_slice(partners);
+            counts.push([bytes.len(), partners.len()]);
         }
-        let mut counts = loads.counts().into_iter().zip(sizes).enumerate();
-        if let Some((rank, (units, found))) = counts.find(|(_, (units, found))| units != found)
-            && !loads.bytes.is_empty()
-        {
-            return Err(BalanceError::Count { rank, units, found, what: "sizes" });
-        }
+        loads.check_counts(&counts)?;
         loads.fill_unknown();
         Ok(loads)
+    }
+
+    /// Checks that each rank passed as many sizes and partners as weights, or that no rank passed any.
+    fn check_counts(&self, of_ranks: &[[usize; 2]]) -> Result<(), BalanceError> {
+        for (at, (known, what)) in
+            [(self.bytes.len(), "sizes"), (self.partners.len(), "partners")].into_iter().enumerate()
+        {
+            let mut counts = self.counts().into_iter().zip(of_ranks).enumerate();
+            if known > 0
+                && let Some((rank, (units, found))) = counts.find(|(_, (units, found))| *units != found[at])
+            {
+                return Err(BalanceError::Count { rank, units, found: found[at], what });
+            }
+        }
+        Ok(())
     }
 
     fn push(&mut self, weights: &[f64]) -> Result<(), BalanceError> {
@@ -137,6 +185,29 @@ impl Loads {
         self.bytes.get(self.offsets[rank] + unit as usize).copied().unwrap_or(0)
     }
 
+    /// Returns the rank of another scale that each unit exchanges with, in the order of [`weights`](Self::weights); empty if
+    /// they are unknown.
+    pub fn partners(&self) -> &[u32] {
+        &self.partners
+    }
+
+    /// Returns the largest number of ranks of this scale that a rank of the other scale exchanges with; 0 if the partners of
+    /// the units are unknown.
+    pub fn most_neighbors(&self) -> usize {
+        // For each partner, the rank that was counted last, and the number of those counted.
+        let mut counted: HashMap<u32, (usize, usize)> = HashMap::new();
+        for (rank, ends) in self.offsets.windows(2).enumerate() {
+            let partners = self.partners.get(ends[0]..ends[1]).unwrap_or_default();
+            for same in partners.chunk_by(|a, b| a == b) {
+                let (last, count) = counted.entry(same[0]).or_insert((usize::MAX, 0));
+                if *last != rank {
+                    (*last, *count) = (rank, *count + 1);
+                }
+            }
+        }
+        counted.into_values().map(|(_, count)| count).max().unwrap_or(0)
+    }
+
     /// Returns the loads after the units have migrated, in the order of [`MigrationPlan::sequence_after`].
     ///
     /// # Errors
@@ -146,6 +217,7 @@ impl Loads {
         let mut after = Self { offsets: vec![0], ..Self::default() };
         after.weights.extend(positions.iter().map(|&at| self.weights[at]));
         after.bytes.extend(positions.iter().filter_map(|&at| self.bytes.get(at)));
+        after.partners.extend(positions.iter().filter_map(|&at| self.partners.get(at)));
         let mut end = 0;
         after.offsets.extend(counts.into_iter().map(|count| {
             end += count;
@@ -187,6 +259,25 @@ mod tests {
         let after = Loads::new(&[vec![1.0, 3.0], vec![], vec![5.0, 2.0, 4.0]]).unwrap();
         assert_eq!(loads.after(&plan), Ok(after));
         assert!(matches!(loads.after(&MigrationPlan::new(2)), Err(BalanceError::Ranks { found: 2, ranks: 3 })));
+    }
+
+    #[test]
+    fn neighbors_of_the_busiest_partner_are_counted_once() {
+        let loads = Loads::new(&[vec![1.0; 3], vec![1.0; 2], vec![]]).unwrap();
+        assert_eq!(loads.most_neighbors(), 0);
+        let partners = vec![7, 7, 9, 9, 9];
+        assert!(matches!(loads.clone().with_partners(vec![7]), Err(BalanceError::Partners { units: 5, found: 1 })));
+        let loads = loads.with_partners(partners.clone()).unwrap();
+        assert_eq!((loads.partners(), loads.most_neighbors()), (&partners[..], 2));
+        let mut plan = MigrationPlan::new(3);
+        plan.set(1, Moves::default().with(&[1], 2));
+        assert_eq!(loads.after(&plan).unwrap().most_neighbors(), 3);
+        let gathered = thread::run(3, |comm| {
+            let partners = [&[7, 7, 9][..], &[9, 9], &[]][comm.rank()];
+            let weights = [1.0; 3];
+            Loads::gather_units(&comm, UnitLoads { weights: &weights[..partners.len()], bytes: &[], partners })
+        });
+        assert!(gathered.unwrap().iter().all(|gathered| *gathered == loads));
     }
 
     #[test]

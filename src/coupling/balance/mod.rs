@@ -63,12 +63,14 @@ mod weights;
 
 pub use balancer::{Balancer, DueMigration};
 pub use error::{BalanceError, MoveError};
-pub use loads::{Loads, max_over_mean};
+pub use loads::{Loads, UnitLoads, max_over_mean};
 pub use migrate::{Migration, Origin, migrate};
 pub use plan::{MigrationPlan, Moves};
 #[cfg(feature = "metis")]
 pub use planner::{Affinity, Metis};
-pub use planner::{Diffusive, Greedy, LongestFirst, Planner, plan};
+pub use planner::{Diffusive, Greedy, LongestFirst, Planner, plan, plan_units};
 pub use predictor::{Predictor, Quantity};
 pub use trigger::{Estimate, Trigger, TriggerParams};
-pub use weights::{Cost, CostHistory, FEATURES, Iterations, Seconds, Unit, Weights, rank_correlation, record, skill};
+pub use weights::{
+    Cost, CostHistory, FEATURES, Iterations, SKILL_SAMPLE, Seconds, Unit, Weights, rank_correlation, record, skill,
+};

@@ -15,6 +15,8 @@ pub struct TriggerParams {
     pub cool_down: usize,
     /// Number of sweeps for which a migration is expected to be of use.
     pub horizon: f64,
+    /// Whether every plan is carried out that is expected to lower the largest load, whatever it gains and costs.
+    pub always: bool,
     /// Estimate of the seconds that a migration takes, until one is measured.
     pub seconds_per_migration: f64,
     /// Estimate of the seconds per byte that the busiest rank sends and receives, until a migration is measured.
@@ -30,6 +32,7 @@ impl Default for TriggerParams {
             sweeps: 1,
             cool_down: 0,
             horizon: 10.0,
+            always: false,
             seconds_per_migration: 1e-2,
             seconds_per_byte: 2e-9,
         }
@@ -45,6 +48,8 @@ pub struct Estimate {
     pub cost: f64,
     /// The value of max/mean that the plan leaves.
     pub max_over_mean: f64,
+    /// By how many more ranks the busiest rank of another scale exchanges with this one; negative if they are fewer.
+    pub more_neighbors: f64,
 }
 
 impl Estimate {
@@ -59,6 +64,11 @@ impl Estimate {
 ///
 /// Planning has its price even if the plan is declined. No migration is due while the largest possible saving, reduced by
 /// the fraction of it that former plans were worth, is less than the measured time of planning.
+///
+/// What a plan promises is compared with what it achieves, whether it was carried out or declined: once the costs of the
+/// next sweep are known, so is the load of every rank with and without the plan ([`compare`](Self::compare)). A decline of
+/// max/mean after a migration would not tell, because migrations follow unusually unbalanced sweeps, after which max/mean
+/// declines on its own.
 #[derive(Clone, Debug)]
 pub struct Trigger {
     params: TriggerParams,
@@ -70,14 +80,25 @@ pub struct Trigger {
     sweep_seconds: f64,
     planning: Planning,
     cost: MigrationCost,
-    /// The fraction of the expected gains that former migrations achieved.
-    achieved: f64,
-    /// The values of max/mean before the last migration, and expected after it, until the next sweep.
-    expected: Option<[f64; 2]>,
+    exchange: ExchangeGrowth,
+    savings: Savings,
+    /// The last plan, until it is compared.
+    promise: Option<Promise>,
+}
+
+/// What a plan promises.
+#[derive(Clone, Copy, Debug)]
+struct Promise {
+    /// The fraction of the largest load that it saves.
+    saving: f64,
+    is_carried_out: bool,
 }
 
 /// The weight of former measurements relative to the next one.
 const FORGETTING: f64 = 0.5;
+
+/// The same for differences between sweeps, of which a single one says little if costs are random.
+const MEMORY: f64 = 0.8;
 
 impl Trigger {
     /// Creates a trigger.
@@ -90,8 +111,9 @@ impl Trigger {
             sweep_seconds: 0.0,
             planning: Planning::default(),
             cost,
-            achieved: 1.0,
-            expected: None,
+            exchange: ExchangeGrowth::default(),
+            savings: Savings::default(),
+            promise: None,
         }
     }
 
@@ -100,12 +122,6 @@ impl Trigger {
     pub fn observe(&mut self, slowest: f64, mean: f64) -> bool {
         let max_over_mean = if mean > 0.0 { slowest / mean } else { 1.0 };
         self.sweep_seconds = slowest;
-        if let Some([before, after]) = self.expected.take()
-            && before > after
-        {
-            let achieved = ((before - max_over_mean) / (before - after)).clamp(0.0, 1.0);
-            self.achieved = FORGETTING * self.achieved + (1.0 - FORGETTING) * achieved;
-        }
         if self.cool_down > 0 {
             self.cool_down -= 1;
             return false;
@@ -116,37 +132,56 @@ impl Trigger {
             return false;
         }
         self.unbalanced = 0;
-        let pays = self.planning.pays(self.saving(max_over_mean, 1.0));
-        if !pays {
-            self.forgive();
+        self.planning.pays(self.saving(1.0 - 1.0 / max_over_mean)) || self.params.always
+    }
+
+    /// Seconds that the sweeps of the horizon save if a plan lowers the largest load by this fraction.
+    fn saving(&self, fraction: f64) -> f64 {
+        self.params.horizon * self.sweep_seconds * fraction
+    }
+
+    /// Records the seconds that the exchange with the other scales took in a sweep, on the slowest of their ranks. Call it
+    /// before the next plan. A unit that moves may make a rank of another scale exchange with one more rank, in every later
+    /// sweep. Plans count that if this is called and the [partners](super::UnitLoads::partners) of the units are known.
+    pub fn observe_exchange(&mut self, seconds: f64) {
+        self.exchange.observe(seconds);
+    }
+
+    /// Returns true if the costs of the next sweep show what the last plan achieves or, if it was declined, would achieve.
+    pub fn awaits_comparison(&self) -> bool {
+        self.promise.is_some()
+    }
+
+    /// Records what the last plan achieved in a sweep after it: the largest load of the ranks with the units where they
+    /// are, and the largest load if the units of the plan were on the other rank, where they would be if the plan had been
+    /// carried out or, respectively, declined.
+    pub fn compare(&mut self, here: f64, elsewhere: f64) {
+        let Some(Promise { saving, is_carried_out }) = self.promise.take() else { return };
+        let [without, with] = if is_carried_out { [elsewhere, here] } else { [here, elsewhere] };
+        if without > 0.0 {
+            self.savings.measure(saving, 1.0 - with / without);
         }
-        pays
     }
 
-    /// Seconds that the sweeps of the horizon save if max/mean falls, less the part that former migrations missed.
-    fn saving(&self, before: f64, after: f64) -> f64 {
-        self.achieved * self.params.horizon * self.sweep_seconds * (1.0 - after / before)
-    }
-
-    /// Lets old disappointments fade, so that balancing is tried again when the costs have become regular.
-    fn forgive(&mut self) {
-        self.achieved += 0.1 * (1.0 - self.achieved);
-    }
-
-    /// Estimates what a plan gains and costs, from the duration of the last sweep on the slowest rank. The gain is
-    /// reduced by the fraction of the expected gains that former migrations missed. The cost is that of the migration:
-    /// the time of planning is spent already.
+    /// Estimates what a plan gains and costs, from the duration of the last sweep on the slowest rank. The gain is what the
+    /// plan promises times the fraction that former plans achieved of theirs, negative if they made the largest load
+    /// larger. The cost is that of the migration, and of the exchange that becomes longer in the sweeps of the horizon; the
+    /// time of planning is spent already.
     ///
     /// # Errors
     /// Returns [`BalanceError`] if the plan does not fit the loads.
     pub fn estimate(&self, loads: &Loads, plan: &MigrationPlan) -> Result<Estimate, BalanceError> {
-        let after = loads.after(plan)?.max_over_mean();
-        let gain = self.saving(loads.max_over_mean(), after);
-        Ok(Estimate { gain, cost: self.cost.seconds(plan.bytes(loads)), max_over_mean: after })
+        let loads_after = loads.after(plan)?;
+        let (after, neighbors) = (loads_after.max_over_mean(), loads.most_neighbors() as f64);
+        let more_neighbors = loads_after.most_neighbors() as f64 - neighbors;
+        let gain = self.savings.achieved() * self.saving(1.0 - after / loads.max_over_mean());
+        let longer_exchange = self.params.horizon * self.exchange.growth(neighbors, more_neighbors);
+        let cost = self.cost.seconds(plan.bytes(loads)) + longer_exchange;
+        Ok(Estimate { gain, cost, max_over_mean: after, more_neighbors })
     }
 
-    /// Returns the [estimate](Self::estimate) of a plan that moves units and [pays](Estimate::pays), which is then to be
-    /// carried out. `None` declines the plan. `seconds` is the time that planning took.
+    /// Returns the [estimate](Self::estimate) of a plan that moves units and [pays](Estimate::pays) or need not pay
+    /// ([`TriggerParams::always`]), which is then to be carried out. `None` declines the plan. `seconds` is the time that planning took.
     ///
     /// # Errors
     /// Returns [`BalanceError`] if the plan does not fit the loads.
@@ -157,11 +192,10 @@ impl Trigger {
         seconds: f64,
     ) -> Result<Option<Estimate>, BalanceError> {
         let estimate = self.estimate(loads, plan)?;
-        let accepted = (!plan.is_empty() && estimate.pays()).then_some(estimate);
+        let accepted = (!plan.is_empty() && (self.params.always || estimate.pays())).then_some(estimate);
         self.planning.measure(seconds, accepted.map_or(0.0, |estimate| estimate.gain - estimate.cost));
-        if accepted.is_none() {
-            self.forgive();
-        }
+        let saving = 1.0 - estimate.max_over_mean / loads.max_over_mean();
+        self.promise = (saving > 0.0).then_some(Promise { saving, is_carried_out: accepted.is_some() });
         Ok(accepted)
     }
 
@@ -169,8 +203,69 @@ impl Trigger {
     /// starts the cool-down.
     pub fn migrated(&mut self, loads: &Loads, plan: &MigrationPlan, estimate: &Estimate, seconds: f64) {
         self.cost.measure(plan.bytes(loads), seconds);
+        self.exchange.more_neighbors += estimate.more_neighbors;
         self.cool_down = self.params.cool_down;
-        self.expected = Some([loads.max_over_mean(), estimate.max_over_mean]);
+    }
+}
+
+/// How the seconds of the exchange with other scales depend on the number of ranks that the busiest of their ranks
+/// exchanges with: in proportion, until a migration shows how much of the exchange the messages are.
+#[derive(Clone, Debug, Default)]
+struct ExchangeGrowth {
+    /// Seconds of the exchange, a mean that forgets, since the last migration.
+    seconds: Option<f64>,
+    /// By how many the neighbors have become more since the last exchange.
+    more_neighbors: f64,
+    /// Squares of the numbers by which former migrations changed the neighbors, and products with the changes of the
+    /// seconds: sums that forget.
+    squares: f64,
+    products: f64,
+}
+
+impl ExchangeGrowth {
+    fn observe(&mut self, seconds: f64) {
+        let (more, before) = (std::mem::take(&mut self.more_neighbors), self.seconds.unwrap_or(seconds));
+        if more == 0.0 {
+            self.seconds = Some(FORGETTING * before + (1.0 - FORGETTING) * seconds);
+            return;
+        }
+        self.squares = MEMORY * self.squares + more * more;
+        self.products = MEMORY * self.products + more * (seconds - before);
+        self.seconds = Some(seconds);
+    }
+
+    /// By how many seconds the exchange becomes longer with `more` neighbors.
+    fn growth(&self, neighbors: f64, more: f64) -> f64 {
+        let per_neighbor = match self.seconds {
+            _ if self.squares > 0.0 => (self.products / self.squares).max(0.0),
+            Some(seconds) if neighbors > 0.0 => seconds / neighbors,
+            _ => 0.0,
+        };
+        per_neighbor * more.max(0.0)
+    }
+}
+
+/// The savings that former plans promised, and those that they achieved, as fractions of the largest load: sums that
+/// forget.
+#[derive(Clone, Debug, Default)]
+struct Savings {
+    promised: f64,
+    achieved: f64,
+}
+
+impl Savings {
+    fn measure(&mut self, promised: f64, achieved: f64) {
+        if self.promised == 0.0 {
+            // Before the first comparison, plans are expected to achieve what they promise.
+            (self.promised, self.achieved) = (promised, promised);
+        }
+        self.promised = MEMORY * self.promised + promised;
+        self.achieved = MEMORY * self.achieved + achieved;
+    }
+
+    /// The fraction of the promised savings that was achieved, from -1 to 1.
+    fn achieved(&self) -> f64 {
+        if self.promised > 0.0 { (self.achieved / self.promised).clamp(-1.0, 1.0) } else { 1.0 }
     }
 }
 
@@ -304,6 +399,9 @@ mod tests {
         trigger.observe(0.3, 0.2);
         (0..6).for_each(|_| trigger.migrated(&loads, &plan, &estimate, 1.0));
         assert_eq!(trigger.accept(&loads, &plan, 0.0).unwrap(), None);
+        let mut trigger = Trigger::new(TriggerParams { always: true, ..TriggerParams::default() });
+        assert!(trigger.observe(1e-9, 2e-9 / 3.0) && trigger.accept(&loads, &plan, 1.0).unwrap().is_some());
+        assert_eq!(trigger.accept(&loads, &MigrationPlan::new(2), 0.0).unwrap(), None, "nothing moves");
     }
 
     #[test]
@@ -333,21 +431,58 @@ mod tests {
         assert!((10..40).contains(&plans), "{plans}");
     }
 
+    /// One partner exchanges with one rank, and with two after the plan.
     #[test]
-    fn gains_that_fail_to_appear_are_not_expected_again() {
+    fn a_longer_exchange_is_part_of_the_cost() {
+        let loads = Loads::new(&[vec![1.0; 30], vec![]]).unwrap().with_partners(vec![0; 30]).unwrap();
+        let plan = Diffusive { tolerance: 1.0 }.plan(&loads).unwrap();
+        let mut trigger = Trigger::new(TriggerParams::default());
+        let longer = |trigger: &Trigger| (trigger.estimate(&loads, &plan).unwrap().cost - 0.01) / 10.0;
+        assert!(longer(&trigger).abs() < 1e-12, "the exchange is not measured");
+        trigger.observe_exchange(0.5);
+        assert!((longer(&trigger) - 0.5).abs() < 1e-12, "twice as long with twice the messages");
+        let estimate = trigger.estimate(&loads, &plan).unwrap();
+        assert_eq!(estimate.more_neighbors, 1.0);
+        trigger.migrated(&loads, &plan, &estimate, 0.01);
+        trigger.observe_exchange(0.6);
+        assert!((longer(&trigger) - 0.1).abs() < 1e-3, "as measured: {}", longer(&trigger));
+    }
+
+    /// A plan promises a third of the largest load.
+    #[test]
+    fn plans_are_worth_what_former_ones_achieved() {
         let (loads, plan) = unbalanced();
         let mut trigger = Trigger::new(TriggerParams::default());
+        let gain = |trigger: &Trigger| trigger.estimate(&loads, &plan).unwrap().gain;
         observe(&mut trigger, 1.5);
-        let estimate = trigger.estimate(&loads, &plan).unwrap();
-        for _ in 0..3 {
-            trigger.migrated(&loads, &plan, &estimate, 0.0);
-            observe(&mut trigger, 1.5);
-        }
-        let later = trigger.estimate(&loads, &plan).unwrap();
-        assert!((later.gain / estimate.gain - 0.125).abs() < 1e-12, "{later:?}");
-        let nothing = MigrationPlan::new(2);
-        (0..50).for_each(|_| assert_eq!(trigger.accept(&loads, &nothing, 0.0).unwrap(), None));
-        assert!(trigger.estimate(&loads, &plan).unwrap().gain > 0.9 * estimate.gain);
+        assert!((gain(&trigger) - 10.0 / 3.0).abs() < 1e-12 && !trigger.awaits_comparison());
+        // Carried out, but the largest load would have been as low without the plan, although max/mean declines.
+        let estimate = trigger.accept(&loads, &plan, 0.0).unwrap().unwrap();
+        assert!(trigger.awaits_comparison());
+        trigger.migrated(&loads, &plan, &estimate, 0.0);
+        observe(&mut trigger, 1.1);
+        trigger.compare(20.0, 20.0);
+        observe(&mut trigger, 1.5);
+        assert!((gain(&trigger) - 0.8 / 1.8 * 10.0 / 3.0).abs() < 1e-12 && !trigger.awaits_comparison());
+        // Plans that make the largest load larger are declined, and compared nevertheless.
+        let declined = (0..20).find(|_| {
+            let accepted = trigger.accept(&loads, &plan, 0.0).unwrap().is_some();
+            if accepted {
+                trigger.compare(25.0, 20.0)
+            } else {
+                trigger.compare(20.0, 25.0)
+            }
+            !accepted
+        });
+        assert!(declined.is_some() && gain(&trigger) < 0.0, "{}", gain(&trigger));
+        let accepted = (0..20).find(|_| {
+            let accepted = trigger.accept(&loads, &plan, 0.0).unwrap().is_some();
+            if !accepted {
+                trigger.compare(30.0, 20.0);
+            }
+            accepted
+        });
+        assert!(accepted.is_some(), "it learns from declined plans that costs persist again");
     }
 
     #[test]

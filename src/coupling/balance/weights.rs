@@ -45,6 +45,9 @@ pub struct CostHistory {
     /// The features of the last sweep. The caller may replace them by others that are known before the next sweep; they
     /// must then be replaced before every sweep, ahead of its weights.
     pub features: [f64; FEATURES],
+    /// One more than the rank on which the unit would be if the last plan had been declined or, respectively, carried out;
+    /// zero if the plan does not contain it.
+    other_rank: u64,
 }
 
 /// The weight of the last sweep in the smoothed costs; the sweeps before it have 1 - `SMOOTHING` in total.
@@ -76,6 +79,15 @@ impl CostHistory {
     /// Starts the sums of recent sweeps again; call it after a migration.
     pub fn restart(&mut self) {
         (self.recent_sweeps, self.recent_iterations, self.recent_seconds) = (0.0, 0.0, 0.0);
+    }
+
+    /// Sets the rank on which the unit would be if the last plan had been declined or, respectively, carried out.
+    pub(super) fn set_other_rank(&mut self, rank: Option<usize>) {
+        self.other_rank = rank.map_or(0, |rank| rank as u64 + 1);
+    }
+
+    pub(super) fn take_other_rank(&mut self) -> Option<usize> {
+        std::mem::take(&mut self.other_rank).checked_sub(1).map(|rank| rank as usize)
     }
 
     /// Returns a mean of recent sweeps, or the value of the last sweep if there are none; NaN for a new unit.
@@ -175,13 +187,24 @@ impl<F: Fn(&CostHistory) -> f64> Weights for F {
     }
 }
 
-/// Returns the skill of weights: the [rank correlation](rank_correlation) of the weights and the measured costs of all
-/// units of a scale. Collective over the scale; the result is the same on all ranks.
+/// The number of units from which on their skill is that of a sample: its error, about one over the root of this number,
+/// does not matter, but sorting all units of many ranks takes longer than everything else after a sweep.
+pub const SKILL_SAMPLE: usize = 10_000;
+
+/// Returns the skill of weights: the [rank correlation](rank_correlation) of the weights and the measured costs of the
+/// units of a scale, or of about every n-th one, so that [`SKILL_SAMPLE`] remain. Collective over the scale; the result is
+/// the same on all ranks.
 ///
 /// # Errors
 /// Returns [`CommError`] if the communication fails.
 pub fn skill<C: Comm>(scale: &C, weights: &[f64], measured: &[f64]) -> Result<Option<f64>, CommError> {
-    let pairs: Vec<[f64; 2]> = weights.iter().zip(measured).map(|(&weight, &cost)| [weight, cost]).collect();
+    let mut units = [weights.len() as f64];
+    scale.sum(&mut units)?;
+    let stride = (units[0] as usize).div_ceil(SKILL_SAMPLE).max(1);
+    // Units of different ranks take turns.
+    let is_in_sample = |&(unit, _): &(usize, _)| (unit * scale.size() + scale.rank()).is_multiple_of(stride);
+    let pairs = weights.iter().zip(measured).enumerate().filter(is_in_sample);
+    let pairs: Vec<[f64; 2]> = pairs.map(|(_, (&weight, &cost))| [weight, cost]).collect();
     let all = scale.gather_all(Message::of(&pairs))?;
     let pairs = all.iter().filter_map(|message| message.values::<[f64; 2]>()).flatten();
     let (weights, measured): (Vec<f64>, Vec<f64>) = pairs.map(|&[weight, cost]| (weight, cost)).unzip();
@@ -218,6 +241,7 @@ fn ranks(values: &[f64]) -> Vec<f64> {
 mod tests {
     use super::*;
     use crate::coupling::thread;
+    use crate::las::conformance::Random;
 
     #[test]
     fn weights_are_means_since_the_last_restart() {
@@ -249,5 +273,21 @@ mod tests {
             skill(&comm, &[value, -value], &[10.0 * value, -20.0 * value])
         });
         assert_eq!(skills.unwrap(), [Some(1.0); 3]);
+    }
+
+    /// The weights of half of the units say nothing, whatever their number.
+    #[test]
+    fn the_skill_of_many_units_is_that_of_a_sample() {
+        let skill_of = |units: usize| {
+            let skills = thread::run(3, |comm| {
+                let mut random = Random::new(comm.rank() as u64);
+                let weights: Vec<f64> = (0..units).map(|_| random.signed()).collect();
+                let cost = |&weight: &f64| if random.below(2) == 0 { weight } else { random.signed() };
+                skill(&comm, &weights, &weights.iter().map(cost).collect::<Vec<f64>>())
+            });
+            skills.unwrap()[0].unwrap()
+        };
+        let (exact, sampled) = (skill_of(SKILL_SAMPLE / 3), skill_of(10 * SKILL_SAMPLE));
+        assert!((exact - 0.5).abs() < 0.03 && (sampled - 0.5).abs() < 0.03, "{exact} {sampled}");
     }
 }

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::TwoScaleError;
 use crate::coupling::balance::{
     self, BalanceError, Balancer, Cost, CostHistory, Diffusive, DueMigration, Greedy, Iterations, Loads, LongestFirst,
-    Migration, MigrationPlan, Planner, Predictor, Quantity, Seconds, TriggerParams, Unit, Weights, migrate,
+    Migration, MigrationPlan, Planner, Predictor, Quantity, Seconds, TriggerParams, Unit, UnitLoads, Weights, migrate,
 };
 use crate::las::{Comm, RealBackend};
 use crate::tissue::micro_scale::Units;
@@ -270,7 +270,7 @@ impl<P: Planner, V: Weights> RveBalancer<P, V> {
         let pairs = histories.iter().zip(costs);
         self.compared = pairs.map(|(history, cost)| [self.weights.weight(history), of_cost(cost)]).collect();
         balance::record(scale, &mut self.weights, histories, costs)?;
-        Ok(self.balancer.observe(scale, seconds)?)
+        Ok(self.balancer.observe(scale, seconds, histories, costs)?)
     }
 
     /// Returns the skill of the weights in the last sweep. Collective over the scale.
@@ -279,18 +279,26 @@ impl<P: Planner, V: Weights> RveBalancer<P, V> {
         Ok(balance::skill(scale, &weights, &costs)?)
     }
 
-    /// Plans a migration if one is due; `None` if it is not or does not pay. Collective over the scale.
+    /// Plans a migration if one is due; `None` if it is not or does not pay. `partners` are the ranks of the macro
+    /// scale that the RVEs exchange with, and `exchange` is what that took in the last sweep, if it is known, s. Collective
+    /// over the scale.
     pub fn plan<C: Comm, B: RealBackend>(
         &mut self,
         scale: &C,
         units: &mut Units<B>,
+        partners: &[u32],
+        exchange: Option<f64>,
     ) -> Result<Option<DueMigration>, TwoScaleError> {
+        if let Some(seconds) = exchange {
+            self.balancer.observe_exchange(seconds);
+        }
         if !self.balancer.is_due() {
             return Ok(None);
         }
         let weights: Vec<f64> = units.histories().0.iter().map(|history| self.weights.weight(history)).collect();
         let bytes: Vec<u64> = (0..units.len()).map(|number| units.packed_bytes(number)).collect();
-        Ok(self.balancer.plan(scale, &self.planner, &weights, &bytes)?)
+        let own = UnitLoads { weights: &weights, bytes: &bytes, partners };
+        Ok(self.balancer.plan(scale, &self.planner, own, units.histories().0)?)
     }
 
     /// Moves the RVEs of a plan. Collective over the scale.

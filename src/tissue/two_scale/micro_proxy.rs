@@ -58,6 +58,9 @@ pub(super) struct MicroProxy<'a, C: Comm> {
     migrations: Vec<MigrationReport>,
     /// The time up to which `between` counts.
     since: Instant,
+    /// What the exchange of the last trial state took on the slowest rank of this scale, s; `None` if its times contain
+    /// something else too.
+    exchange: Option<f64>,
     /// Times since the last trial state, to be added to those of the next one.
     between: RankTimes,
     /// The part of the time since `since` that this rank waited for pieces of a checkpoint. Behind a lock, because
@@ -97,6 +100,7 @@ impl<'a, C: Comm> MicroProxy<'a, C> {
             iterations: Vec::new(),
             migrations: Vec::new(),
             since: Instant::now(),
+            exchange: None,
             between: RankTimes::of_rank(scales.world().rank()),
             waited: Mutex::default(),
         }
@@ -229,6 +233,7 @@ impl<'a, C: Comm> MicroProxy<'a, C> {
         let comm = self.scales.comm().clone();
         let mut times = self.between.take();
         self.read_clock(&mut times);
+        let exchanges_only = times.communication == 0.0;
         if self.balances.is_some_and(|when| when == When::Iteration || !self.in_step) {
             self.balance(&mut times)?;
         }
@@ -274,14 +279,19 @@ impl<'a, C: Comm> MicroProxy<'a, C> {
             BodySolve::Distributed => comm.gather_all(pack(&times)?)?.split_off(1),
         };
         let others = others.iter().map(|message| Ok(unpack(message)?));
-        self.iterations.push(std::iter::once(Ok(times)).chain(others).collect::<Result<_, TwoScaleError>>()?);
+        let of_ranks: Vec<RankTimes> =
+            std::iter::once(Ok(times)).chain(others).collect::<Result<_, TwoScaleError>>()?;
+        let slowest = of_ranks.iter().map(|times| times.communication).fold(0.0, f64::max);
+        self.exchange = exchanges_only.then_some(slowest);
+        self.iterations.push(of_ranks);
         Ok(responses)
     }
 
     /// Lets the micro scale migrate RVEs if that is due and pays, and updates the couplings.
     fn balance(&mut self, times: &mut RankTimes) -> Result<(), TwoScaleError> {
         let start = Instant::now();
-        self.broadcast(&Command::Balance)?;
+        let exchange = self.exchange.take();
+        self.broadcast(&Command::Balance(exchange))?;
         let migrated: Option<MigrationReport> = unpack(&self.receive()?)?;
         let received = Instant::now();
         times.idle += (received - start).as_secs_f64();

@@ -90,7 +90,7 @@ impl<C: Comm, B: RealBackend, P: Planner, V: Weights> MicroSide<'_, C, B, P, V> 
                     self.units.use_lanes(&counts);
                 }
                 Command::Units => self.update_units()?,
-                Command::Balance => self.balance()?,
+                Command::Balance(exchange) => self.balance(exchange)?,
                 Command::Step => {
                     let mut task = Some(Task::Solve);
                     while let Some(of_trial_state) = task {
@@ -111,7 +111,7 @@ impl<C: Comm, B: RealBackend, P: Planner, V: Weights> MicroSide<'_, C, B, P, V> 
         loop {
             match self.command()? {
                 Command::Iterate(task) => return Ok(Some(task)),
-                Command::Balance => self.balance()?,
+                Command::Balance(exchange) => self.balance(exchange)?,
                 // The strain demands new RVEs; the macro scale then solves for equilibrium again.
                 Command::Units => self.update_units()?,
                 Command::Explain => self.explain()?,
@@ -165,11 +165,11 @@ impl<C: Comm, B: RealBackend, P: Planner, V: Weights> MicroSide<'_, C, B, P, V> 
     }
 
     /// Migrates RVEs if that is due and pays.
-    fn balance(&mut self) -> Result<(), TwoScaleError> {
+    fn balance(&mut self, exchange: Option<f64>) -> Result<(), TwoScaleError> {
         let start = Instant::now();
         let scale = self.scales.comm();
         let due = match &mut self.balancer {
-            Some(balancer) => balancer.plan(scale, &mut self.units)?,
+            Some(balancer) => balancer.plan(scale, &mut self.units, &self.channels.to_micro.partners(), exchange)?,
             None => None,
         };
         self.scales.broadcast(self.macro_scale, pack(&due.as_ref().map(MigrationReport::new))?)?;

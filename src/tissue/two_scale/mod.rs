@@ -82,7 +82,7 @@
 //! };
 //! let last_iterations = |history: &CostHistory| 1.0 + history.iterations;
 //! // Plans after every sweep, whatever a migration takes.
-//! let trigger = TriggerParams { threshold: 1.0, horizon: 1e12, ..TriggerParams::default() };
+//! let trigger = TriggerParams { threshold: 1.0, always: true, ..TriggerParams::default() };
 //!
 //! let shares = Plan::default().with(MACRO, Share::Count(1)).with(MICRO, Share::Count(3));
 //! thread::run(4, |comm| -> Result<(), Box<dyn std::error::Error>> {

@@ -193,10 +193,10 @@ pub enum Command {
     /// Create and delete RVEs.
     Units,
     /// Migrate RVEs between the ranks if that is due and pays; the micro scale answers with a [`MigrationReport`] or
-    /// `None`.
+    /// `None`. The number is what the exchange took in the last sweep on the slowest rank of the macro scale, s.
     ///
     /// [`MigrationReport`]: super::MigrationReport
-    Balance,
+    Balance(Option<f64>),
     /// Solve at the first trial state of a load step or substep.
     Step,
     /// Carry out a task at another trial state of the same step.

@@ -1,10 +1,11 @@
 //! Schemes of load balancing, with the library's own weights, planners and trigger.
 
+use std::collections::HashMap;
 use std::time::Instant;
 
 use biotissue::coupling::balance::{
     BalanceError, Cost, CostHistory, Diffusive, Greedy, Iterations, Loads, LongestFirst, MigrationPlan, Planner,
-    Predictor, Quantity, Trigger, TriggerParams, Weights, rank_correlation,
+    Predictor, Quantity, SKILL_SAMPLE, Trigger, TriggerParams, Weights, rank_correlation,
 };
 use clap::ValueEnum;
 
@@ -42,6 +43,8 @@ pub struct Balancer<'a> {
     predictor: Predictor,
     trigger: Trigger,
     is_due: bool,
+    /// The RVEs of the last plan and the ranks where they would be if it had been declined or, respectively, carried out.
+    elsewhere: Vec<(u32, usize)>,
 }
 
 impl<'a> Balancer<'a> {
@@ -49,7 +52,7 @@ impl<'a> Balancer<'a> {
         // As in `biotissue run`, the last class is that of RVEs without a network.
         let predictor = Predictor::new(Quantity::Seconds, case.replicas.recording.networks() + 1);
         let trigger = Trigger::new(TriggerParams::default());
-        Self { case, scheme, predictor, trigger, is_due: false }
+        Self { case, scheme, predictor, trigger, is_due: false, elsewhere: Vec::new() }
     }
 
     /// Balances ahead of a sweep.
@@ -61,14 +64,14 @@ impl<'a> Balancer<'a> {
             Scheme::Text | Scheme::Default => Ok(()),
             Scheme::Oracle => {
                 let seconds = |unit: usize| run.samples[unit].map_or(0.0, |sample| sample.seconds);
-                let loads = run.placement.loads(seconds, 0)?;
+                let loads = run.placement.loads(seconds, 0, None)?;
                 run.placement.migrate(&LongestFirst { stay: 0.0 }.plan(&loads)?)
             }
         }
     }
 
     fn by_the_text(&self, run: &mut Run) -> Result<(), BalanceError> {
-        let loads = self.loads(run, &Iterations)?;
+        let loads = self.loads(run, &Iterations, false)?;
         let plan = Self::timed(self.case, run, || Greedy.plan(&loads))?;
         if !plan.is_empty() {
             self.migrate(run, &loads, &plan)?;
@@ -78,24 +81,35 @@ impl<'a> Balancer<'a> {
 
     fn if_it_pays(&mut self, run: &mut Run) -> Result<(), BalanceError> {
         let before = run.totals.balancing();
-        let loads = self.loads(run, &self.predictor)?;
+        let loads = self.loads(run, &self.predictor, true)?;
         let plan = Self::timed(self.case, run, || Diffusive::default().plan(&loads))?;
         let planned = run.totals.balancing();
-        let Some(estimate) = self.trigger.accept(&loads, &plan, planned - before)? else { return Ok(()) };
-        self.migrate(run, &loads, &plan)?;
-        self.trigger.migrated(&loads, &plan, &estimate, run.totals.balancing() - planned);
+        let accepted = self.trigger.accept(&loads, &plan, planned - before)?;
+        self.elsewhere.clear();
+        for (rank, units) in run.placement.iter().enumerate() {
+            let other = |to: usize| if accepted.is_some() { rank } else { to };
+            let moves = plan.of(rank).iter();
+            self.elsewhere
+                .extend(moves.flat_map(|(to, moved)| moved.iter().map(move |&at| (units[at as usize], other(to)))));
+        }
+        if let Some(estimate) = accepted {
+            self.migrate(run, &loads, &plan)?;
+            self.trigger.migrated(&loads, &plan, &estimate, run.totals.balancing() - planned);
+        }
         Ok(())
     }
 
-    /// Gathers the loads of all ranks: 16 bytes per RVE, and the lengths of the two parts of each message.
-    fn loads(&self, run: &mut Run, weights: &impl Weights) -> Result<Loads, BalanceError> {
-        let Case { machine, local, ranks, .. } = self.case;
-        let bytes = 16 * run.histories.len() as u64 + 24 * *ranks as u64;
+    /// Gathers the loads of all ranks, 16 bytes per RVE, or 20 with the macro rank of each, and the lengths of the three
+    /// parts of each message.
+    fn loads(&self, run: &mut Run, weights: &impl Weights, with_partners: bool) -> Result<Loads, BalanceError> {
+        let Case { machine, local, ranks, macro_ranks, .. } = self.case;
+        let per_rve = if with_partners { 20 } else { 16 };
+        let bytes = per_rve * run.histories.len() as u64 + 32 * *ranks as u64;
         run.totals.planning += machine.gather_all(*ranks, bytes) + machine.core * local.gather;
         run.totals.plans += 1;
         // An RVE that does not exist has no weight; one that is about to be created is not known to the planner.
         let weight = |unit: usize| if run.existed[unit] { weights.weight(&run.histories[unit]) } else { 0.0 };
-        run.placement.loads(weight, self.case.state_bytes)
+        run.placement.loads(weight, self.case.state_bytes, with_partners.then_some(*macro_ranks))
     }
 
     /// Calls a planner, as every rank does, and measures its seconds.
@@ -141,21 +155,44 @@ impl<'a> Balancer<'a> {
         let recording = self.case.replicas.recording;
         if sweep + 1 == self.case.sweeps || recording.starts_step(sweep + 1) {
             // Every rank computes the skill of the weights for the log of the step.
-            let units = (0..run.samples.len()).filter_map(|unit| Some((unit, run.cost(unit)?)));
+            let stride = run.samples.len().div_ceil(SKILL_SAMPLE).max(1);
+            let units = (0..run.samples.len()).step_by(stride).filter_map(|unit| Some((unit, run.cost(unit)?)));
             let (weights, costs): (Vec<f64>, Vec<f64>) =
                 units.map(|(unit, cost)| (self.predictor.weight(&run.histories[unit]), cost.seconds)).unzip();
             let start = Instant::now();
             let _ = rank_correlation(&weights, &costs);
             let seconds = start.elapsed().as_secs_f64();
-            run.totals.observing += machine.gather_all(*ranks, 16 * weights.len() as u64) + machine.core * seconds;
+            run.totals.observing += machine.reduce(*ranks, 8) + machine.gather_all(*ranks, 16 * weights.len() as u64);
+            run.totals.observing += machine.core * seconds;
         }
         let sums = self.learn(run);
         // The sums of the predictor, then the sum and the maximum of the seconds.
         let of_values = |values: usize| machine.reduce(*ranks, 8 * values as u64);
         run.totals.observing += machine.core * local.record + of_values(sums) + 2.0 * of_values(1);
+        self.trigger.observe_exchange(run.exchange());
+        if self.trigger.awaits_comparison() {
+            run.totals.observing += of_values(*ranks) + of_values(1);
+            self.compare(run);
+        }
         let sum = sum_over_ranks(busy.iter().map(|&seconds| vec![seconds]).collect());
         let slowest = busy.iter().copied().fold(0.0, f64::max);
         self.is_due |= self.trigger.observe(slowest, sum[0] / *ranks as f64);
+    }
+
+    /// Compares the loads with those that the ranks would have if the RVEs of the last plan were on the other rank.
+    fn compare(&mut self, run: &Run) {
+        let other: HashMap<u32, usize> = self.elsewhere.drain(..).collect();
+        let (mut here, mut elsewhere) = (0.0_f64, vec![0.0; run.case.ranks]);
+        for (rank, units) in run.placement.iter().enumerate() {
+            let mut own = 0.0;
+            for &unit in units {
+                let seconds = run.samples[unit as usize].map_or(0.0, |sample| sample.seconds);
+                own += seconds;
+                elsewhere[other.get(&unit).copied().unwrap_or(rank)] += seconds;
+            }
+            here = here.max(own);
+        }
+        self.trigger.compare(here, elsewhere.into_iter().fold(0.0, f64::max));
     }
 
     /// Learns on every rank, and adds the sums as `Comm::sum` does; returns their number.

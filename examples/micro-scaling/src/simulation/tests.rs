@@ -1,6 +1,8 @@
+use std::collections::HashMap;
+
 use biotissue::coupling::balance::{
-    self, Cost, CostHistory, Diffusive, Greedy, Iterations, Predictor, Quantity, Trigger, TriggerParams, Weights,
-    migrate,
+    self, Cost, CostHistory, Diffusive, Greedy, Iterations, Predictor, Quantity, Trigger, TriggerParams, UnitLoads,
+    Weights, migrate,
 };
 use biotissue::coupling::{Comm, Message, bytemuck, thread};
 use biotissue::las::conformance::Random;
@@ -91,9 +93,9 @@ fn messages_and_the_macro_scale_add_to_an_iteration() {
     assert_eq!(nothing.iteration(), 8.0 + 9.0 + 5.0);
     let sum: f64 = nothing.parts().iter().map(|(_, seconds)| seconds).sum();
     assert!((sum - nothing.iteration()).abs() < 1e-12);
-    // Two plans, one of which moves one RVE of 100 bytes. Each plan gathers 4 * 16 + 2 * 24 bytes and 2 * 8 of lengths.
+    // Two plans, one of which moves one RVE of 100 bytes. Each plan gathers 4 * 16 + 2 * 32 bytes and 2 * 8 of lengths.
     let text = simulate(&case, Scheme::Text).unwrap();
-    assert!((text.planning - 2.0 * (2.0 + (112.0 + 16.0) / 824.0)).abs() < 1e-12, "{}", text.planning);
+    assert!((text.planning - 2.0 * (2.0 + (128.0 + 16.0) / 824.0)).abs() < 1e-12, "{}", text.planning);
     // Outcomes and targets: lengths of 16 bytes each and one target; two messages on either rank; the macro rank.
     let expected = 2.0 + 2.0 + (32.0 + 8.0) / 824.0 + 2.0 + 100.0 / 824.0 + 2.0;
     assert!((text.synchronizing - expected).abs() < 1e-12, "{} {expected}", text.synchronizing);
@@ -121,6 +123,7 @@ fn on_threads(case: &Case, scheme: Scheme) -> Vec<Vec<f64>> {
         let mut predictor = Predictor::new(Quantity::Seconds, case.replicas.recording.networks() + 1);
         let (mut trigger, mut is_due) = (Trigger::new(TriggerParams::default()), false);
         let mut sweeps: Vec<Vec<f64>> = Vec::new();
+        let mut elsewhere = HashMap::new();
         for sweep in 0..case.sweeps {
             let starts_step = sweep > 0 && case.replicas.recording.starts_step(sweep);
             let weight = |history: &CostHistory| match scheme {
@@ -131,7 +134,11 @@ fn on_threads(case: &Case, scheme: Scheme) -> Vec<Vec<f64>> {
             let bytes = vec![STATE_BYTES; own.len()];
             let planned = match scheme {
                 Scheme::Text if starts_step => Some(balance::plan(&comm, &Greedy, &own, &bytes)?),
-                Scheme::Default if is_due => Some(balance::plan(&comm, &Diffusive::default(), &own, &bytes)?),
+                Scheme::Default if is_due => {
+                    let partners = vec![0; own.len()];
+                    let own = UnitLoads { weights: &own, bytes: &bytes, partners: &partners };
+                    Some(balance::plan_units(&comm, &Diffusive::default(), own)?)
+                }
                 _ => None,
             };
             if let Some((loads, plan)) = planned {
@@ -139,6 +146,14 @@ fn on_threads(case: &Case, scheme: Scheme) -> Vec<Vec<f64>> {
                     Scheme::Text => Some(trigger.estimate(&loads, &plan)?).filter(|_| !plan.is_empty()),
                     _ => trigger.accept(&loads, &plan, 0.0)?,
                 };
+                let all = comm.gather_all(Message::of(&units))?;
+                for (rank, units) in all.iter().enumerate() {
+                    let units = units.values::<u64>().unwrap();
+                    for (to, moved) in plan.of(rank).iter() {
+                        let other = if accepted.is_some() { rank } else { to };
+                        elsewhere.extend(moved.iter().map(|&at| (units[at as usize], other)));
+                    }
+                }
                 if let Some(estimate) = accepted {
                     let pack =
                         |at: usize| Message::join(vec![Message::of(&[histories[at]]), Message::of(&[units[at]])]);
@@ -164,6 +179,13 @@ fn on_threads(case: &Case, scheme: Scheme) -> Vec<Vec<f64>> {
             balance::record(&comm, &mut predictor, &mut histories, &costs)?;
             let all = comm.gather_all(Message::of(&[busy]))?;
             let all: Vec<f64> = all.iter().map(|message| message.values::<f64>().unwrap()[0]).collect();
+            let mut others = vec![0.0; comm.size()];
+            for (unit, cost) in units.iter().zip(&costs) {
+                others[elsewhere.get(unit).copied().unwrap_or(comm.rank())] += cost.seconds;
+            }
+            elsewhere.clear();
+            comm.sum(&mut others)?;
+            trigger.compare(all.iter().copied().fold(0.0, f64::max), others.into_iter().fold(0.0, f64::max));
             let (mut sum, slowest) = ([busy], all.iter().copied().fold(0.0, f64::max));
             comm.sum(&mut sum)?;
             is_due = trigger.observe(slowest, sum[0] / comm.size() as f64);

@@ -42,11 +42,10 @@ impl Affinity {
     /// # Errors
     /// Returns [`CouplingError`] if the communication fails.
     pub fn of_coupling<C: Comm>(coupling: &Coupling<C>) -> Result<Self, CouplingError> {
-        let mut own = vec![0_u32; coupling.units().len()];
-        for neighbor in &coupling.map.neighbors {
-            neighbor.indices.iter().for_each(|&index| own[index as usize] = neighbor.rank as u32);
-        }
-        let all = coupling.local_comm.gather_all(Message::of(&own)).map_err(|error| coupling.failed(error))?;
+        let all = coupling
+            .local_comm
+            .gather_all(Message::of(&coupling.partners()))
+            .map_err(|error| coupling.failed(error))?;
         let groups: Vec<u32> = all.iter().filter_map(|message| message.values::<u32>()).flatten().copied().collect();
         Ok(Self::of_groups(&groups))
     }
@@ -57,7 +56,8 @@ impl Affinity {
 /// n units on p ranks, with a larger factor than the other planners; METIS runs on every rank.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Metis {
-    /// The graph of the units; `None` links each unit with the next one.
+    /// The graph of the units; `None` links each unit with the next one that has the same partner
+    /// ([`Loads::partners`]), or with the next one if partners are unknown.
     pub affinity: Option<Affinity>,
     /// The value of max/mean that suffices.
     pub tolerance: f64,
@@ -75,7 +75,7 @@ impl Planner for Metis {
         if total <= 0.0 || ranks < 2 {
             return Ok(MigrationPlan::new(ranks));
         }
-        let chain;
+        let of_partners;
         let near = match &self.affinity {
             Some(affinity) if affinity.near.len() == weights.len() => &affinity.near,
             Some(Affinity { near }) => {
@@ -83,8 +83,10 @@ impl Planner for Metis {
                 return Err(BalanceError::Count { rank: 0, units, found, what: "units of the affinity graph" });
             }
             None => {
-                chain = Affinity::of_groups(&vec![0; weights.len()]);
-                &chain.near
+                let one_group = vec![0; weights.len()];
+                let is_known = loads.partners().len() == weights.len();
+                of_partners = Affinity::of_groups(if is_known { loads.partners() } else { &one_group });
+                &of_partners.near
             }
         };
         // METIS takes integers, whose sum must fit into 32 bits.

@@ -15,7 +15,7 @@ pub use longest_first::LongestFirst;
 pub use metis::{Affinity, Metis};
 
 use super::error::BalanceError;
-use super::loads::{Loads, max_over_mean};
+use super::loads::{Loads, UnitLoads, max_over_mean};
 use super::plan::MigrationPlan;
 use crate::las::Comm;
 
@@ -47,7 +47,19 @@ pub fn plan<C: Comm>(
     weights: &[f64],
     bytes: &[u64],
 ) -> Result<(Loads, MigrationPlan), BalanceError> {
-    let loads = Loads::gather(scale, weights, bytes)?;
+    plan_units(scale, planner, UnitLoads { weights, bytes, partners: &[] })
+}
+
+/// As [`plan`], with the ranks of another scale that the units exchange with. Collective over the scale.
+///
+/// # Errors
+/// As for [`plan`].
+pub fn plan_units<C: Comm>(
+    scale: &C,
+    planner: &(impl Planner + ?Sized),
+    own: UnitLoads<'_>,
+) -> Result<(Loads, MigrationPlan), BalanceError> {
+    let loads = Loads::gather_units(scale, own)?;
     let plan = planner.plan(&loads)?;
     plan.check(&loads.counts())?;
     Ok((loads, plan))
