@@ -1,5 +1,6 @@
 //! Load balancing during a run: from the measured seconds of a sweep to a migration.
 
+use std::collections::BTreeMap;
 use std::time::Instant;
 
 use super::error::BalanceError;
@@ -8,7 +9,7 @@ use super::plan::{MigrationPlan, Moves};
 use super::planner::{Planner, plan_units};
 use super::trigger::{Estimate, Trigger, TriggerParams};
 use super::weights::{Cost, CostHistory};
-use crate::las::Comm;
+use crate::las::{Comm, Message, SendRequest, Tag};
 
 /// Decides when the units of one scale move, by a [`Trigger`] that gets the times of the slowest rank: all ranks decide
 /// equally. The caller moves the units ([`migrate`](super::migrate)) and updates their couplings.
@@ -16,6 +17,8 @@ use crate::las::Comm;
 pub struct Balancer {
     trigger: Trigger,
     is_due: bool,
+    /// The last plan, until it is compared.
+    links: Links,
 }
 
 /// A plan that pays, to be carried out.
@@ -29,7 +32,7 @@ pub struct DueMigration {
 impl Balancer {
     /// Creates a balancer.
     pub fn new(params: TriggerParams) -> Self {
-        Self { trigger: Trigger::new(params), is_due: false }
+        Self { trigger: Trigger::new(params), is_due: false, links: Links::default() }
     }
 
     /// Records the seconds that a sweep took on this rank, and the costs of its units, whose histories show which of them
@@ -49,7 +52,7 @@ impl Balancer {
             return Err(BalanceError::Count { rank: scale.rank(), units, found, what: "costs" });
         }
         if self.trigger.awaits_comparison() {
-            let [here, elsewhere] = largest_loads(scale, histories, costs)?;
+            let [here, elsewhere] = std::mem::take(&mut self.links).largest_loads(scale, histories, costs)?;
             self.trigger.compare(here, elsewhere);
         }
         let mut sum = [seconds];
@@ -70,8 +73,8 @@ impl Balancer {
         self.is_due
     }
 
-    /// Plans a migration of units, as [`plan_units`] does, and measures how long that takes; `None` if it does not pay. Marks the units of the plan in their histories, which must migrate with them; without
-    /// histories (an empty slice), the balancer does not learn what its plans achieve. Collective over the scale.
+    /// Plans a migration of units, as [`plan_units`] does, and measures how long that takes; `None` if it does not pay. Marks
+    /// the units of the plan in their histories, which must migrate with them. Collective over the scale.
     ///
     /// # Errors
     /// Returns [`BalanceError`] if the arguments or the plan are invalid, or the communication fails.
@@ -87,6 +90,7 @@ impl Balancer {
         let (loads, plan) = plan_units(scale, planner, own)?;
         let seconds = slowest(scale, start.elapsed().as_secs_f64())?;
         let accepted = self.trigger.accept(&loads, &plan, seconds)?;
+        self.links = Links::of_plan(&plan, scale.rank(), accepted.is_some());
         mark(histories, plan.of(scale.rank()), accepted.map(|_| scale.rank()));
         Ok(accepted.map(|estimate| DueMigration { loads, plan, estimate }))
     }
@@ -145,17 +149,49 @@ fn mark(histories: &mut [CostHistory], moves: &Moves, origin: Option<usize>) {
     }
 }
 
-/// Returns the seconds of the most loaded rank, and those that it would have if all marked units were on the other rank.
-/// Collective.
-fn largest_loads<C: Comm>(scale: &C, histories: &mut [CostHistory], costs: &[Cost]) -> Result<[f64; 2], BalanceError> {
-    let (mut here, mut elsewhere) = (0.0, vec![0.0; scale.size()]);
-    for (history, cost) in histories.iter_mut().zip(costs) {
-        let other = history.take_other_rank().filter(|&rank| rank < scale.size());
-        here += cost.seconds;
-        elsewhere[other.unwrap_or(scale.rank())] += cost.seconds;
+/// The ranks on which marked units of this rank would otherwise be, and those that have units which would be here.
+#[derive(Clone, Debug, Default)]
+struct Links {
+    others: Vec<usize>,
+    from: Vec<usize>,
+}
+
+impl Links {
+    fn of_plan(plan: &MigrationPlan, rank: usize, is_carried_out: bool) -> Self {
+        let targets = plan.of(rank).iter().map(|(to, _)| to).collect();
+        let moves_here = |from: &usize| plan.of(*from).iter().any(|(to, _)| to == rank);
+        let origins = (0..plan.ranks()).filter(moves_here).collect();
+        if is_carried_out { Self { others: origins, from: targets } } else { Self { others: targets, from: origins } }
     }
-    scale.sum(&mut elsewhere)?;
-    Ok([slowest(scale, here)?, elsewhere.into_iter().fold(0.0, f64::max)])
+
+    /// Returns the seconds of the most loaded rank, and those that it would have if all marked units were on the other
+    /// rank. Collective.
+    fn largest_loads<C: Comm>(
+        self,
+        scale: &C,
+        histories: &mut [CostHistory],
+        costs: &[Cost],
+    ) -> Result<[f64; 2], BalanceError> {
+        let (mut here, mut stays, mut of_others) = (0.0, 0.0, BTreeMap::new());
+        for (history, cost) in histories.iter_mut().zip(costs) {
+            here += cost.seconds;
+            match history.take_other_rank() {
+                Some(rank) => *of_others.entry(rank).or_insert(0.0) += cost.seconds,
+                None => stays += cost.seconds,
+            }
+        }
+        let message = |rank: &usize| Message::of(&[of_others.get(rank).copied().unwrap_or(0.0)]);
+        let sendings = self.others.iter().map(|rank| scale.start_send(*rank, Tag::MIGRATION, message(rank)));
+        let sendings: Vec<_> = sendings.collect::<Result<_, _>>()?;
+        for from in self.from {
+            let seconds = scale.receive(from, Tag::MIGRATION)?;
+            stays += seconds.values::<f64>().and_then(<[f64]>::first).copied().unwrap_or(0.0);
+        }
+        sendings.into_iter().try_for_each(|sending| sending.wait().map(drop))?;
+        let mut largest = [here, stays];
+        scale.max(&mut largest)?;
+        Ok(largest)
+    }
 }
 
 /// Returns the seconds of the slowest rank. Collective.
@@ -163,4 +199,46 @@ fn slowest<C: Comm>(scale: &C, seconds: f64) -> Result<f64, BalanceError> {
     let mut slowest = [seconds];
     scale.max(&mut slowest)?;
     Ok(slowest[0])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::coupling::balance::{Migration, migrate};
+    use crate::coupling::thread;
+
+    /// Rank 0 has units of 1, 2 and 4 s, rank 1 one of 8 s, rank 2 none. The unit of 4 s moves from rank 0 to rank 2, and
+    /// that of 8 s from rank 1 to rank 0.
+    #[test]
+    fn loads_are_compared_with_those_where_the_plan_is_declined_or_carried_out() {
+        let seconds = [&[1.0, 2.0, 4.0][..], &[8.0], &[]];
+        let mut plan = MigrationPlan::new(3);
+        plan.set(0, Moves::default().with(&[2], 2));
+        plan.set(1, Moves::default().with(&[0], 0));
+        let compared = thread::run(3, |comm| {
+            let rank = comm.rank();
+            let cost = |&seconds: &f64| Cost { seconds, ..Cost::default() };
+            let costs: Vec<Cost> = seconds[rank].iter().map(cost).collect();
+            let mut histories = vec![CostHistory::default(); costs.len()];
+            mark(&mut histories, plan.of(rank), None);
+            let declined = Links::of_plan(&plan, rank, false).largest_loads(&comm, &mut histories, &costs)?;
+            assert!(histories.iter_mut().all(|history| history.take_other_rank().is_none()), "marks are used once");
+
+            mark(&mut histories, plan.of(rank), Some(rank));
+            let names: Vec<u64> = (0..costs.len() as u64).collect();
+            let pack = |at: usize| Message::of(&[histories[at]]);
+            let (migration, arrived) = migrate(&comm, plan.of(rank), &names, pack)?;
+            let arrived = arrived.iter().filter_map(|message| message.values::<CostHistory>()).flatten().copied();
+            let mut histories = migration.apply(histories.clone(), arrived.collect())?;
+            let moved = |costs: &[f64], migration: &Migration| {
+                let from = migration.arrived().iter().map(|origin| cost(&seconds[origin.rank][origin.index as usize]));
+                migration.apply(costs.iter().map(cost).collect(), from.collect())
+            };
+            let costs = moved(seconds[rank], &migration)?;
+            let carried_out = Links::of_plan(&plan, rank, true).largest_loads(&comm, &mut histories, &costs)?;
+            Ok::<_, BalanceError>([declined, carried_out])
+        });
+        // 7, 8 and 0 s where they are; 11, 0 and 4 s after the plan.
+        assert_eq!(compared.unwrap(), [[[8.0, 11.0], [11.0, 8.0]]; 3]);
+    }
 }

@@ -45,6 +45,8 @@ pub struct Balancer<'a> {
     is_due: bool,
     /// The RVEs of the last plan and the ranks where they would be if it had been declined or, respectively, carried out.
     elsewhere: Vec<(u32, usize)>,
+    /// The largest number of ranks that a rank exchanges the costs of these RVEs with.
+    links: usize,
 }
 
 impl<'a> Balancer<'a> {
@@ -52,7 +54,7 @@ impl<'a> Balancer<'a> {
         // As in `biotissue run`, the last class is that of RVEs without a network.
         let predictor = Predictor::new(Quantity::Seconds, case.replicas.recording.networks() + 1);
         let trigger = Trigger::new(TriggerParams::default());
-        Self { case, scheme, predictor, trigger, is_due: false, elsewhere: Vec::new() }
+        Self { case, scheme, predictor, trigger, is_due: false, elsewhere: Vec::new(), links: 0 }
     }
 
     /// Balances ahead of a sweep.
@@ -86,6 +88,7 @@ impl<'a> Balancer<'a> {
         let planned = run.totals.balancing();
         let accepted = self.trigger.accept(&loads, &plan, planned - before)?;
         self.elsewhere.clear();
+        self.links = Self::most_messages(&plan).0;
         for (rank, units) in run.placement.iter().enumerate() {
             let other = |to: usize| if accepted.is_some() { rank } else { to };
             let moves = plan.of(rank).iter();
@@ -124,15 +127,7 @@ impl<'a> Balancer<'a> {
     /// between each pair of ranks, and one from each micro rank to each of its macro ranks.
     fn migrate(&self, run: &mut Run, loads: &Loads, plan: &MigrationPlan) -> Result<(), BalanceError> {
         let Case { machine, local, ranks, macro_ranks, .. } = self.case;
-        let (mut messages, mut targets) = (vec![0; *ranks], 0);
-        for rank in 0..*ranks {
-            for (to, _) in plan.of(rank).iter() {
-                messages[rank] += 1;
-                messages[to] += 1;
-                targets += 1;
-            }
-        }
-        let most = messages.into_iter().max().unwrap_or(0);
+        let (most, targets) = Self::most_messages(plan);
         run.totals.synchronizing += machine.core * local.migrate
             + machine.gather_all(*ranks, 0)
             + machine.gather_all(*ranks, 8 * targets)
@@ -144,6 +139,19 @@ impl<'a> Balancer<'a> {
         run.totals.migrations += 1;
         run.totals.moved += plan.len();
         Ok(())
+    }
+
+    /// Returns the largest number of ranks that a rank exchanges RVEs with, and the number of all pairs of such ranks.
+    fn most_messages(plan: &MigrationPlan) -> (usize, u64) {
+        let (mut messages, mut targets) = (vec![0; plan.ranks()], 0);
+        for rank in 0..plan.ranks() {
+            for (to, _) in plan.of(rank).iter() {
+                messages[rank] += 1;
+                messages[to] += 1;
+                targets += 1;
+            }
+        }
+        (messages.into_iter().max().unwrap_or(0), targets)
     }
 
     /// Learns from the costs of a sweep, in which the ranks took `busy` seconds.
@@ -171,7 +179,7 @@ impl<'a> Balancer<'a> {
         run.totals.observing += machine.core * local.record + of_values(sums) + 2.0 * of_values(1);
         self.trigger.observe_exchange(run.exchange());
         if self.trigger.awaits_comparison() {
-            run.totals.observing += of_values(*ranks) + of_values(1);
+            run.totals.observing += machine.messages(self.links, 8) + of_values(2);
             self.compare(run);
         }
         let sum = sum_over_ranks(busy.iter().map(|&seconds| vec![seconds]).collect());
