@@ -102,6 +102,9 @@ mod tests {
             assert!((mesh.surface_area(surface) - area).abs() < 1e-15, "{}", surface.name);
             let plane = if upper == 1 { size[axis] } else { 0.0 };
             assert!(surface.nodes().iter().all(|&node| mesh.nodes()[node as usize][axis] == plane));
+            let center = mesh.surface_center(surface).unwrap();
+            let expected = |k: usize| if k == axis { plane } else { size[k] / 2.0 };
+            assert!((0..3).all(|k| (center[k] - expected(k)).abs() < 1e-15), "{}: {center:?}", surface.name);
             for (face_type, nodes) in surface.faces.typed() {
                 let normal = mesh.area_vector(face_type, nodes);
                 assert_eq!(normal[axis] > 0.0, upper == 1, "{} points inward", surface.name);
