@@ -77,7 +77,8 @@ impl Balancer {
     /// the units of the plan in their histories, which must migrate with them. Collective over the scale.
     ///
     /// # Errors
-    /// Returns [`BalanceError`] if the arguments or the plan are invalid, or the communication fails.
+    /// Returns [`BalanceError`] if the arguments or the plan are invalid, the histories are not as many as the weights, or the
+    /// communication fails.
     pub fn plan<C: Comm>(
         &mut self,
         scale: &C,
@@ -85,6 +86,10 @@ impl Balancer {
         own: UnitLoads<'_>,
         histories: &mut [CostHistory],
     ) -> Result<Option<DueMigration>, BalanceError> {
+        let (units, found) = (own.weights.len(), histories.len());
+        if found != units {
+            return Err(BalanceError::Count { rank: scale.rank(), units, found, what: "histories" });
+        }
         let start = Instant::now();
         self.is_due = false;
         let (loads, plan) = plan_units(scale, planner, own)?;

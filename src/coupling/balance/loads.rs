@@ -82,7 +82,7 @@ impl Loads {
     /// As [`gather`](Self::gather), with the ranks of another scale that the units exchange with. Collective over the scale.
     ///
     /// # Errors
-    /// As for [`gather`](Self::gather).
+    /// As for [`gather`](Self::gather), also if a rank passes another number of partners than weights.
     pub fn gather_units<C: Comm>(scale: &C, own: UnitLoads<'_>) -> Result<Self, BalanceError> {
         let UnitLoads { weights, bytes, partners } = own;
         let own = Message::join(vec![Message::of(weights), Message::of(bytes), Message::of(partners)]);

@@ -63,7 +63,8 @@ impl Estimate {
 /// decide equally; [`Balancer`](super::Balancer) sees to that.
 ///
 /// Planning has its price even if the plan is declined. No migration is due while the largest possible saving, reduced by
-/// the fraction of it that former plans were worth, is less than the measured time of planning.
+/// the fraction of it that former plans were worth, is less than the measured time of planning (unless every plan is
+/// carried out, [`TriggerParams::always`]).
 ///
 /// What a plan promises is compared with what it achieves, whether it was carried out or declined: once the costs of the
 /// next sweep are known, so is the load of every rank with and without the plan ([`compare`](Self::compare)). A decline of
@@ -97,7 +98,7 @@ struct Promise {
 /// The weight of former measurements relative to the next one.
 const FORGETTING: f64 = 0.5;
 
-/// The same for differences between sweeps, of which a single one says little if costs are random.
+/// As `FORGETTING`, for quantities that compare two sweeps: one comparison says little if costs are random.
 const MEMORY: f64 = 0.8;
 
 impl Trigger {
@@ -174,7 +175,9 @@ impl Trigger {
         let loads_after = loads.after(plan)?;
         let (after, neighbors) = (loads_after.max_over_mean(), loads.most_neighbors() as f64);
         let more_neighbors = loads_after.most_neighbors() as f64 - neighbors;
-        let gain = self.savings.achieved() * self.saving(1.0 - after / loads.max_over_mean());
+        let promised = self.saving(1.0 - after / loads.max_over_mean());
+        // A plan that promises a loss is not expected to gain because former plans failed.
+        let gain = if promised > 0.0 { self.savings.achieved() * promised } else { promised };
         let longer_exchange = self.params.horizon * self.exchange.growth(neighbors, more_neighbors);
         let cost = self.cost.seconds(plan.bytes(loads)) + longer_exchange;
         Ok(Estimate { gain, cost, max_over_mean: after, more_neighbors })
@@ -192,9 +195,10 @@ impl Trigger {
         seconds: f64,
     ) -> Result<Option<Estimate>, BalanceError> {
         let estimate = self.estimate(loads, plan)?;
-        let accepted = (!plan.is_empty() && (self.params.always || estimate.pays())).then_some(estimate);
-        self.planning.measure(seconds, accepted.map_or(0.0, |estimate| estimate.gain - estimate.cost));
         let saving = 1.0 - estimate.max_over_mean / loads.max_over_mean();
+        let is_accepted = !plan.is_empty() && saving > 0.0 && (self.params.always || estimate.pays());
+        let accepted = is_accepted.then_some(estimate);
+        self.planning.measure(seconds, accepted.map_or(0.0, |estimate| estimate.gain - estimate.cost));
         self.promise = (saving > 0.0).then_some(Promise { saving, is_carried_out: accepted.is_some() });
         Ok(accepted)
     }
@@ -224,7 +228,12 @@ struct ExchangeGrowth {
 
 impl ExchangeGrowth {
     fn observe(&mut self, seconds: f64) {
-        let (more, before) = (std::mem::take(&mut self.more_neighbors), self.seconds.unwrap_or(seconds));
+        let more = std::mem::take(&mut self.more_neighbors);
+        // A migration before the first exchange shows nothing.
+        let Some(before) = self.seconds else {
+            self.seconds = Some(seconds);
+            return;
+        };
         if more == 0.0 {
             self.seconds = Some(FORGETTING * before + (1.0 - FORGETTING) * seconds);
             return;
@@ -348,7 +357,7 @@ impl MigrationCost {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::coupling::balance::{Diffusive, Planner};
+    use crate::coupling::balance::{Diffusive, Moves, Planner};
 
     #[test]
     fn a_migration_is_due_after_three_unbalanced_sweeps() {
@@ -399,7 +408,11 @@ mod tests {
         trigger.observe(0.3, 0.2);
         (0..6).for_each(|_| trigger.migrated(&loads, &plan, &estimate, 1.0));
         assert_eq!(trigger.accept(&loads, &plan, 0.0).unwrap(), None);
+        // A plan that raises the largest load is never carried out.
+        let mut worse = MigrationPlan::new(2);
+        worse.set(1, Moves::default().with(&[0, 1], 0));
         let mut trigger = Trigger::new(TriggerParams { always: true, ..TriggerParams::default() });
+        assert_eq!(trigger.accept(&loads, &worse, 0.0).unwrap(), None);
         assert!(trigger.observe(1e-9, 2e-9 / 3.0) && trigger.accept(&loads, &plan, 1.0).unwrap().is_some());
         assert_eq!(trigger.accept(&loads, &MigrationPlan::new(2), 0.0).unwrap(), None, "nothing moves");
     }
@@ -436,6 +449,14 @@ mod tests {
     fn a_longer_exchange_is_part_of_the_cost() {
         let loads = Loads::new(&[vec![1.0; 30], vec![]]).unwrap().with_partners(vec![0; 30]).unwrap();
         let plan = Diffusive { tolerance: 1.0 }.plan(&loads).unwrap();
+        let longer_after_a_migration = {
+            let mut trigger = Trigger::new(TriggerParams::default());
+            let estimate = trigger.estimate(&loads, &plan).unwrap();
+            trigger.migrated(&loads, &plan, &estimate, 0.01);
+            trigger.observe_exchange(0.5);
+            (trigger.estimate(&loads, &plan).unwrap().cost - 0.01) / 10.0
+        };
+        assert!((longer_after_a_migration - 0.5).abs() < 1e-3, "no exchange before the migration is known");
         let mut trigger = Trigger::new(TriggerParams::default());
         let longer = |trigger: &Trigger| (trigger.estimate(&loads, &plan).unwrap().cost - 0.01) / 10.0;
         assert!(longer(&trigger).abs() < 1e-12, "the exchange is not measured");

@@ -73,7 +73,7 @@ pub fn follow<C: Comm>(scales: &Scales<C>) -> Result<(), TwoScaleError> {
                 let start = Instant::now();
                 comm.send(0, RESPONSES, Message::of(responses))?;
                 times.add_communication(start);
-                comm.send(0, TIMES, pack(&times.take())?)?;
+                comm.send(0, TIMES, pack(&(times.take(), shard.seconds_of_exchange()))?)?;
             }
             FollowerCommand::Summarize => {
                 times.idle += waiting.elapsed().as_secs_f64();

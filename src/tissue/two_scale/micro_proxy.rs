@@ -58,8 +58,7 @@ pub(super) struct MicroProxy<'a, C: Comm> {
     migrations: Vec<MigrationReport>,
     /// The time up to which `between` counts.
     since: Instant,
-    /// What the exchange of the last trial state took on the slowest rank of this scale, s; `None` if its times contain
-    /// something else too.
+    /// What the exchange with the RVEs took at the last trial state, on the slowest rank of this scale, s.
     exchange: Option<f64>,
     /// Times since the last trial state, to be added to those of the next one.
     between: RankTimes,
@@ -233,7 +232,6 @@ impl<'a, C: Comm> MicroProxy<'a, C> {
         let comm = self.scales.comm().clone();
         let mut times = self.between.take();
         self.read_clock(&mut times);
-        let exchanges_only = times.communication == 0.0;
         if self.balances.is_some_and(|when| when == When::Iteration || !self.in_step) {
             self.balance(&mut times)?;
         }
@@ -254,6 +252,7 @@ impl<'a, C: Comm> MicroProxy<'a, C> {
         times.add_communication(start);
         let Some(shard) = &mut self.shard else { return Err(TwoScaleError::Protocol) };
         let mut responses = shard.exchange(|_, point| task_of(point), &mut times)?.to_vec();
+        let exchange = shard.seconds_of_exchange();
         let (start, mut waited) = (Instant::now(), Duration::ZERO);
         let mut receive = |rank: usize| {
             let start = Instant::now();
@@ -276,13 +275,13 @@ impl<'a, C: Comm> MicroProxy<'a, C> {
         times.communication += (start.elapsed() - waited).as_secs_f64();
         let others = match self.body_solve {
             BodySolve::Root => (1..comm.size()).map(|rank| comm.receive(rank, TIMES)).collect::<Result<_, _>>()?,
-            BodySolve::Distributed => comm.gather_all(pack(&times)?)?.split_off(1),
+            BodySolve::Distributed => comm.gather_all(pack(&(times, exchange))?)?.split_off(1),
         };
         let others = others.iter().map(|message| Ok(unpack(message)?));
-        let of_ranks: Vec<RankTimes> =
-            std::iter::once(Ok(times)).chain(others).collect::<Result<_, TwoScaleError>>()?;
-        let slowest = of_ranks.iter().map(|times| times.communication).fold(0.0, f64::max);
-        self.exchange = exchanges_only.then_some(slowest);
+        let of_ranks = std::iter::once(Ok((times, exchange))).chain(others);
+        let (of_ranks, exchanges): (Vec<RankTimes>, Vec<f64>) =
+            of_ranks.collect::<Result<Vec<_>, TwoScaleError>>()?.into_iter().unzip();
+        self.exchange = exchanges.into_iter().reduce(f64::max);
         self.iterations.push(of_ranks);
         Ok(responses)
     }

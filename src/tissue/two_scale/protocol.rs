@@ -193,7 +193,8 @@ pub enum Command {
     /// Create and delete RVEs.
     Units,
     /// Migrate RVEs between the ranks if that is due and pays; the micro scale answers with a [`MigrationReport`] or
-    /// `None`. The number is what the exchange took in the last sweep on the slowest rank of the macro scale, s.
+    /// `None`. The number is what the exchange took in the last sweep on the slowest rank of the macro scale, s;
+    /// `None` before the first one.
     ///
     /// [`MigrationReport`]: super::MigrationReport
     Balance(Option<f64>),

@@ -17,6 +17,8 @@ pub(super) struct Shard<C: Comm> {
     channels: Channels<C>,
     tasks: Vec<RveTask>,
     responses: Vec<RveResponse>,
+    /// Seconds of the last exchange with the RVEs, without waiting.
+    exchange: f64,
 }
 
 /// Changes of the RVEs of the whole body.
@@ -31,7 +33,7 @@ pub(super) struct RveUpdate {
 impl<C: Comm> Shard<C> {
     /// A shard without RVEs. Collective over both scales.
     pub fn new(scales: &Scales<C>) -> Result<Self, TwoScaleError> {
-        Ok(Self { channels: Channels::new(scales)?, tasks: Vec::new(), responses: Vec::new() })
+        Ok(Self { channels: Channels::new(scales)?, tasks: Vec::new(), responses: Vec::new(), exchange: 0.0 })
     }
 
     /// The points with an RVE, in the order of the exchange.
@@ -81,8 +83,14 @@ impl<C: Comm> Shard<C> {
         self.channels.responses.receive(&self.channels.to_macro, &mut self.responses)?;
         let waited = self.channels.responses.waited() - before;
         times.idle += waited.as_secs_f64();
-        times.communication += (start.elapsed() - waited).as_secs_f64();
+        self.exchange = (start.elapsed() - waited).as_secs_f64();
+        times.communication += self.exchange;
         Ok(&self.responses)
+    }
+
+    /// Returns the seconds of the last exchange, without waiting.
+    pub fn seconds_of_exchange(&self) -> f64 {
+        self.exchange
     }
 
     /// Receives the summaries of all RVEs after a commit.

@@ -179,7 +179,7 @@ impl<'a> Balancer<'a> {
         run.totals.observing += machine.core * local.record + of_values(sums) + 2.0 * of_values(1);
         self.trigger.observe_exchange(run.exchange());
         if self.trigger.awaits_comparison() {
-            run.totals.observing += machine.messages(self.links, 8) + of_values(2);
+            run.totals.observing += machine.messages(self.links, 8 * self.links as u64) + of_values(2);
             self.compare(run);
         }
         let sum = sum_over_ranks(busy.iter().map(|&seconds| vec![seconds]).collect());
