@@ -104,7 +104,7 @@ mod tests {
             assert!(surface.nodes().iter().all(|&node| mesh.nodes()[node as usize][axis] == plane));
             let center = mesh.surface_center(surface).unwrap();
             let expected = |k: usize| if k == axis { plane } else { size[k] / 2.0 };
-            assert!((0..3).all(|k| (center[k] - expected(k)).abs() < 1e-15), "{}: {center:?}", surface.name);
+            assert!((0..3).all(|k| (center[k] - expected(k)).abs() < 1e-14), "{}: {center:?}", surface.name);
             for (face_type, nodes) in surface.faces.typed() {
                 let normal = mesh.area_vector(face_type, nodes);
                 assert_eq!(normal[axis] > 0.0, upper == 1, "{} points inward", surface.name);
