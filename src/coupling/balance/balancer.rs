@@ -8,7 +8,7 @@ use super::loads::{Loads, UnitLoads};
 use super::plan::{MigrationPlan, Moves};
 use super::planner::{Planner, plan_units};
 use super::trigger::{Estimate, Trigger, TriggerParams};
-use super::weights::{Cost, CostHistory};
+use super::weights::{Cost, CostHistory, check_count};
 use crate::las::{Comm, Message, SendRequest, Tag};
 
 /// Decides when the units of one scale move, by a [`Trigger`] that gets the times of the slowest rank: all ranks decide
@@ -47,10 +47,7 @@ impl Balancer {
         histories: &mut [CostHistory],
         costs: &[Cost],
     ) -> Result<(), BalanceError> {
-        let (units, found) = (histories.len(), costs.len());
-        if found != units {
-            return Err(BalanceError::Count { rank: scale.rank(), units, found, what: "costs" });
-        }
+        check_count(scale, histories.len(), costs.len(), "costs")?;
         if self.trigger.awaits_comparison() {
             let [here, elsewhere] = std::mem::take(&mut self.links).largest_loads(scale, histories, costs)?;
             self.trigger.compare(here, elsewhere);
@@ -86,10 +83,7 @@ impl Balancer {
         own: UnitLoads<'_>,
         histories: &mut [CostHistory],
     ) -> Result<Option<DueMigration>, BalanceError> {
-        let (units, found) = (own.weights.len(), histories.len());
-        if found != units {
-            return Err(BalanceError::Count { rank: scale.rank(), units, found, what: "histories" });
-        }
+        check_count(scale, own.weights.len(), histories.len(), "histories")?;
         let start = Instant::now();
         self.is_due = false;
         let (loads, plan) = plan_units(scale, planner, own)?;

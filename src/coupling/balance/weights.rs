@@ -136,10 +136,7 @@ pub fn record<C: Comm>(
     histories: &mut [CostHistory],
     costs: &[Cost],
 ) -> Result<(), BalanceError> {
-    let (units, found) = (histories.len(), costs.len());
-    if found != units {
-        return Err(BalanceError::Count { rank: scale.rank(), units, found, what: "costs" });
-    }
+    check_count(scale, histories.len(), costs.len(), "costs")?;
     weights.learn(histories, costs);
     let mut sums = weights.take_sums();
     if !sums.is_empty() {
@@ -148,6 +145,16 @@ pub fn record<C: Comm>(
     }
     histories.iter_mut().zip(costs).for_each(|(history, cost)| history.record(cost));
     Ok(())
+}
+
+/// Checks that there are as many values as units on this rank.
+pub(super) fn check_count<C: Comm>(
+    scale: &C,
+    units: usize,
+    found: usize,
+    what: &'static str,
+) -> Result<(), BalanceError> {
+    if found == units { Ok(()) } else { Err(BalanceError::Count { rank: scale.rank(), units, found, what }) }
 }
 
 /// All units have the weight 1.
