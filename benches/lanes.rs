@@ -9,7 +9,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use biotissue::backends::batched::{self, Batched, Lanes};
-use biotissue::backends::networks::lanes::Level;
+use biotissue::backends::networks::lanes::{Level, Phase, PhaseTimes};
 use biotissue::backends::sparse::Sparse;
 use biotissue::fiber::batch::BatchEquilibrium;
 use biotissue::fiber::equilibrium::{EquilibriumParams, equilibrate};
@@ -97,6 +97,37 @@ fn in_lanes(batch: &LaneBatch, model: &Model, goals: &[[Matrix3<f64>; 2]]) -> Ou
     outcome
 }
 
+/// Returns the microseconds of an RVE by phase, warm.
+fn by_phase(batch: &LaneBatch, model: &Model, goals: &[[Matrix3<f64>; 2]]) -> Vec<f64> {
+    let params = EquilibriumParams::default();
+    let mut rves = vec![Rve::at_rest(model.network()); goals.len()];
+    let mut all: Vec<&mut Rve> = rves.iter_mut().collect();
+    let mut times = PhaseTimes::default();
+    for increment in 0..2 {
+        let targets: Vec<Matrix3<f64>> = goals.iter().map(|goals| goals[increment]).collect();
+        times = PhaseTimes::default();
+        batch.solve_timed(&mut all, &targets, &params, &mut times);
+    }
+    Phase::ALL.iter().map(|&phase| 1e6 * times.seconds(phase) / goals.len() as f64).collect()
+}
+
+/// Prints the medians of the phases of each batch, in microseconds of an RVE.
+fn print_phases(batches: &[(&str, LaneBatch)], model: &Model, goals: &[[Matrix3<f64>; 2]]) {
+    println!(
+        "\n| us of an RVE, warm | start | forces | factor | step | tangent | end |\n|---|---:|---:|---:|---:|---:|---:|"
+    );
+    for (name, batch) in batches {
+        let runs: Vec<Vec<f64>> = (0..REPETITIONS).map(|_| by_phase(batch, model, goals)).collect();
+        let median = |phase: usize| {
+            let mut times: Vec<f64> = runs.iter().map(|run| run[phase]).collect();
+            times.sort_by(f64::total_cmp);
+            format!("{:.1}", times[REPETITIONS / 2])
+        };
+        let times: Vec<String> = (0..Phase::ALL.len()).map(median).collect();
+        println!("| {name} | {} |", times.join(" | "));
+    }
+}
+
 /// Returns the share of factorizations that lanes repeat while they wait for others of their group.
 fn waiting(solved: &[Option<BatchEquilibrium>], lanes: usize) -> f64 {
     let factorizations = |solved: &Option<BatchEquilibrium>| solved.as_ref().map_or(0, |solved| solved.iterations + 1);
@@ -138,9 +169,10 @@ fn measure(name: &str, network: Network, count: usize) {
     let model = Model::new(&(), Arc::new(network), Some(material), scale).expect("a model");
     let fibers = model.truss().ends().len();
     let goals: Vec<[Matrix3<f64>; 2]> = (0..count).map(targets).collect();
-    let batches =
-        Level::all().into_iter().filter_map(|level| Some((level, LaneBatch::with_level(&model, true, level)?)));
-    let batches: Vec<(Level, LaneBatch)> = batches.collect();
+    let with_level = |level| Some((name_of(level), LaneBatch::with_level(&model, true, level)?));
+    let mut batches: Vec<(&str, LaneBatch)> = Level::all().into_iter().filter_map(with_level).collect();
+    let mixed = LaneBatch::new(&model, true).map(LaneBatch::with_single_precision);
+    batches.extend(mixed.filter(|batch| batch.lanes().has_single_precision()).map(|batch| ("8 lanes, mixed", batch)));
     let Some((_, any)) = batches.last() else { return };
     let operations = any.lanes().operations();
     println!(
@@ -154,20 +186,20 @@ fn measure(name: &str, network: Network, count: usize) {
     );
     let expected = median(|| one_by_one(&model, &goals));
     print("one by one", count, operations, &expected, &expected);
-    // An argument selects lanes, for example `-- AVX2`.
-    let selected = std::env::args().nth(1).filter(|argument| argument != "--bench");
-    for (level, batch) in &batches {
-        let name = match level {
-            #[cfg(not(target_arch = "x86_64"))]
-            Level::Portable => "4 lanes, any machine",
-            #[cfg(target_arch = "x86_64")]
-            Level::Avx2(_) => "4 lanes, AVX2",
-            #[cfg(target_arch = "x86_64")]
-            Level::Avx512(_) => "8 lanes, AVX-512",
-        };
-        if selected.as_ref().is_none_or(|selected| name.contains(selected.as_str())) {
-            print(name, count, operations, &median(|| in_lanes(batch, &model, &goals)), &expected);
-        }
+    for (name, batch) in &batches {
+        print(name, count, operations, &median(|| in_lanes(batch, &model, &goals)), &expected);
+    }
+    print_phases(&batches, &model, &goals);
+}
+
+fn name_of(level: Level) -> &'static str {
+    match level {
+        #[cfg(not(target_arch = "x86_64"))]
+        Level::Portable => "4 lanes, any machine",
+        #[cfg(target_arch = "x86_64")]
+        Level::Avx2(_) => "4 lanes, AVX2",
+        #[cfg(target_arch = "x86_64")]
+        Level::Avx512(_) => "8 lanes, AVX-512",
     }
 }
 

@@ -4,7 +4,7 @@ use nalgebra::Matrix3;
 use rayon::prelude::*;
 
 use super::{OfModel, network_data, rows};
-use crate::backends::networks::lanes::{LaneStart, Level, NetworkLanes};
+use crate::backends::networks::lanes::{LaneStart, Level, NetworkLanes, PhaseTimes};
 use crate::backends::networks::{BatchParams, Status};
 use crate::fiber::batch::{BatchEquilibrium, BatchProgress, BatchSolver};
 use crate::fiber::equilibrium::EquilibriumParams;
@@ -44,6 +44,14 @@ impl LaneBatch {
         Some(Self { lanes, of_model: OfModel::new(model), predicts })
     }
 
+    /// Uses factors of single precision where this machine is faster with them ([`NetworkLanes::use_single_precision`]).
+    /// Results then agree with those of double precision to the tolerance of the equilibria, but not to rounding errors.
+    #[must_use]
+    pub fn with_single_precision(mut self) -> Self {
+        self.lanes.use_single_precision();
+        self
+    }
+
     /// The RVEs of a body from which it pays to solve them in lanes, even if they are divided among a few ranks.
     pub const LEAST_RVES: usize = 16;
 
@@ -72,6 +80,24 @@ impl LaneBatch {
         self.solve_with_progress(rves, targets, params, &())
     }
 
+    /// Like [`LaneBatch::solve`], on the calling thread; adds to `times` what the phases of each group take.
+    ///
+    /// # Panics
+    /// As for [`LaneBatch::solve`].
+    pub fn solve_timed(
+        &self,
+        rves: &mut [&mut Rve],
+        targets: &[Matrix3<f64>],
+        params: &EquilibriumParams,
+        times: &mut PhaseTimes,
+    ) -> Vec<Option<BatchEquilibrium>> {
+        assert_eq!(rves.len(), targets.len(), "one target for each RVE");
+        let Some(params) = self.of_model.params(params) else { return vec![None; rves.len()] };
+        let lanes = self.lanes.lanes();
+        let groups = rves.chunks_mut(lanes).zip(targets.chunks(lanes));
+        groups.flat_map(|(rves, targets)| self.solve_group(rves, targets, &params, Some(times))).collect()
+    }
+
     fn solve_with_progress(
         &self,
         rves: &mut [&mut Rve],
@@ -86,7 +112,7 @@ impl LaneBatch {
         let solve_group = |(group, (rves, targets)): (usize, (&mut [&mut Rve], &[Matrix3<f64>]))| {
             let first = group * lanes;
             progress.begin(first);
-            let solved = self.solve_group(rves, targets, &params);
+            let solved = self.solve_group(rves, targets, &params, None);
             progress.end(first, solved.iter().flatten().count());
             solved
         };
@@ -98,6 +124,7 @@ impl LaneBatch {
         rves: &mut [&mut Rve],
         targets: &[Matrix3<f64>],
         params: &BatchParams,
+        times: Option<&mut PhaseTimes>,
     ) -> Vec<Option<BatchEquilibrium>> {
         let start = ProcessorTime::now();
         let mut solved: Vec<Option<BatchEquilibrium>> = vec![None; rves.len()];
@@ -109,7 +136,7 @@ impl LaneBatch {
         let mut new_states = Vec::with_capacity(possible.len());
         {
             let starts: Vec<LaneStart<'_>> = possible.iter().map(|&k| self.start(rves[k], &targets[k])).collect();
-            self.lanes.solve(&starts, params, |lane, end| {
+            self.lanes.solve(&starts, params, times, |lane, end| {
                 let number = possible[lane];
                 solved[number] = self.of_model.equilibrium(&end.result(), &targets[number]);
                 if solved[number].is_some() {

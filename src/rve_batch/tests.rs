@@ -40,8 +40,9 @@ fn model(law: Law, points: usize) -> Model {
 fn solvers(model: &Model, predicts: bool) -> Vec<(String, Box<dyn BatchSolver>)> {
     let mut solvers: Vec<(String, Box<dyn BatchSolver>)> = Vec::new();
     for level in Level::all() {
-        let lanes = LaneBatch::with_level(model, predicts, level).unwrap();
-        solvers.push((format!("{level:?}"), Box::new(lanes)));
+        for (name, lanes) in batches_of(model, predicts, level) {
+            solvers.push((name, Box::new(lanes)));
+        }
     }
     #[cfg(feature = "cuda")]
     match DeviceBatch::emulated(model, predicts) {
@@ -49,6 +50,15 @@ fn solvers(model: &Model, predicts: bool) -> Vec<(String, Box<dyn BatchSolver>)>
         None => println!("skipped: there is no C++ compiler"),
     }
     solvers
+}
+
+/// Returns the batches with these instructions, in double precision and, if it has that, in mixed precision.
+fn batches_of(model: &Model, predicts: bool, level: Level) -> Vec<(String, LaneBatch)> {
+    let batch = || LaneBatch::with_level(model, predicts, level).unwrap();
+    let mut batches =
+        vec![(format!("{level:?}"), batch()), (format!("{level:?}, mixed"), batch().with_single_precision())];
+    batches.retain(|(name, batch)| batch.lanes().has_single_precision() == name.ends_with("mixed"));
+    batches
 }
 
 /// Deformation gradients within `size` of the identity.
@@ -218,8 +228,7 @@ fn lanes_do_not_depend_on_their_neighbors() {
     let mut random = Random::new(11);
     let count = 37;
     let targets = gradients(count, 0.15, &mut random);
-    let solve = |level: Level, order: &[usize]| {
-        let batch = LaneBatch::with_level(&model, true, level).unwrap();
+    let solve = |batch: &LaneBatch, order: &[usize]| {
         let mut rves = vec![Rve::at_rest(model.network()); count];
         let mut by_order: Vec<Option<&mut Rve>> = rves.iter_mut().map(Some).collect();
         let mut chosen: Vec<&mut Rve> = order.iter().map(|&k| by_order[k].take().unwrap()).collect();
@@ -232,20 +241,22 @@ fn lanes_do_not_depend_on_their_neighbors() {
         (results, rves)
     };
     let ascending: Vec<usize> = (0..count).collect();
-    for level in Level::all() {
-        let expected = solve(level, &ascending);
+    let of_level = |level| batches_of(&model, true, level);
+    for (name, batch) in Level::all().into_iter().flat_map(of_level) {
+        let expected = solve(&batch, &ascending);
         assert!(expected.0.iter().flatten().count() > 20, "most have an equilibrium");
         assert!(expected.0.iter().flatten().any(|solved| solved.3 > expected.0[0].unwrap().3), "iterations differ");
         let mut order = ascending.clone();
         for _ in 0..3 {
             (1..count).rev().for_each(|k| order.swap(k, (random.signed().abs() * (k + 1) as f64) as usize % (k + 1)));
             let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().unwrap();
-            assert!(pool.install(|| solve(level, &order)) == expected, "{level:?}");
+            assert!(pool.install(|| solve(&batch, &order)) == expected, "{name}");
         }
     }
     #[cfg(target_arch = "x86_64")]
     if let [.., Level::Avx2(_), Level::Avx512(_)] = Level::all()[..] {
         let [.., four, eight] = Level::all()[..] else { return };
-        assert!(solve(four, &ascending) == solve(eight, &ascending), "the lanes have other bits");
+        let [four, eight] = [four, eight].map(|level| solve(&of_level(level)[0].1, &ascending));
+        assert!(four == eight, "the lanes have other bits");
     }
 }

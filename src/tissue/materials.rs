@@ -232,9 +232,35 @@ pub struct RveParams {
     pub solver: Method,
     /// The device that solves most RVEs, many at once; `None`: the processor solves all.
     pub device: Option<RveDevice>,
-    /// Whether the processor solves RVEs of one network side by side in the lanes of its vector registers where that is
-    /// faster.
-    pub lanes: bool,
+    /// Whether the processor solves RVEs of one network side by side.
+    pub lanes: LaneUse,
+}
+
+/// Whether the processor solves RVEs of one network side by side in the lanes of its vector registers, where that is faster.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum LaneUse {
+    /// It solves them one by one.
+    Off,
+    /// It does, with results that differ from those one by one by rounding.
+    #[default]
+    Auto,
+    /// It does, and all factors but the last of an equilibrium have single precision where that is faster (with AVX-512).
+    /// Results differ within the tolerance of equilibria.
+    Mixed,
+}
+
+impl LaneUse {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Off, Self::Auto, Self::Mixed];
+
+    /// The name in the case file.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Off => "off",
+            Self::Auto => "auto",
+            Self::Mixed => "mixed",
+        }
+    }
 }
 
 /// A device that solves RVEs.
@@ -280,7 +306,7 @@ impl Default for RveParams {
             predictor: true,
             solver: Method::Direct,
             device: None,
-            lanes: true,
+            lanes: LaneUse::default(),
         }
     }
 }

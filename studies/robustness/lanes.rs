@@ -1,4 +1,5 @@
-//! The cases with and without lanes: which of them are solved in lanes, and whether the results are the same.
+//! The cases with and without lanes: which of them are solved in lanes, and whether the results are the same. With
+//! `mixed`, lanes use factors of single precision.
 
 use biotissue::fiber::equilibrium::{EquilibriumParams, Stage, equilibrate};
 use biotissue::fiber::network::generate::Kind;
@@ -18,8 +19,11 @@ struct Counts {
     /// Cases left to the solution without lanes, by whether Newton's method alone solves them there.
     left_by_newton: usize,
     left_by_others: usize,
-    /// Cases solved in lanes with another number of iterations, in another stage, or not at all without lanes.
+    /// Cases solved in lanes in another stage, or not at all, without lanes.
     different: usize,
+    /// Cases solved in lanes with another number of iterations, and all their iterations in lanes and without.
+    other_iterations: usize,
+    iterations: [usize; 2],
     /// The largest differences of stress and tangent, relative to their norms.
     stress: f64,
     tangent: f64,
@@ -33,6 +37,8 @@ impl Counts {
             left_by_newton: self.left_by_newton + other.left_by_newton,
             left_by_others: self.left_by_others + other.left_by_others,
             different: self.different + other.different,
+            other_iterations: self.other_iterations + other.other_iterations,
+            iterations: [0, 1].map(|k| self.iterations[k] + other.iterations[k]),
             stress: self.stress.max(other.stress),
             tangent: self.tangent.max(other.tangent),
         }
@@ -40,23 +46,27 @@ impl Counts {
 }
 
 /// Solves every case from rest in lanes and without them, by all stages, and prints how the results compare.
-pub fn compare(subjects: &[Subject], gradients: usize) -> Result<(), String> {
+pub fn compare(subjects: &[Subject], gradients: usize, mixed: bool) -> Result<(), String> {
     println!(
-        "| network | cases | in lanes | left, solved by Newton | left, by other stages or not at all | different | stress | tangent |\n\
-         |---|---|---|---|---|---|---|---|"
+        "| network | cases | in lanes | left, solved by Newton | left, by other stages or not at all | different | iterations in lanes, without | cases with others | \
+         stress | tangent |\n|---|---|---|---|---|---|---|---|---|---|"
     );
     for kind in Kind::ALL {
         let of_kind = subjects.par_iter().filter(|subject| subject.kind == kind);
-        let counts = of_kind.map(|subject| compare_network(subject, gradients)).collect::<Result<Vec<_>, _>>()?;
+        let counts =
+            of_kind.map(|subject| compare_network(subject, gradients, mixed)).collect::<Result<Vec<_>, _>>()?;
         let sum = counts.into_iter().fold(Counts::default(), Counts::merge);
         println!(
-            "| {} | {} | {} | {} | {} | {} | {:.0e} | {:.0e} |",
+            "| {} | {} | {} | {} | {} | {} | {}, {} | {} | {:.0e} | {:.0e} |",
             kind.name(),
             sum.cases,
             sum.in_lanes,
             sum.left_by_newton,
             sum.left_by_others,
             sum.different,
+            sum.iterations[0],
+            sum.iterations[1],
+            sum.other_iterations,
             sum.stress,
             sum.tangent
         );
@@ -64,9 +74,10 @@ pub fn compare(subjects: &[Subject], gradients: usize) -> Result<(), String> {
     Ok(())
 }
 
-fn compare_network(subject: &Subject, gradients: usize) -> Result<Counts, String> {
+fn compare_network(subject: &Subject, gradients: usize, mixed: bool) -> Result<Counts, String> {
     let model = model(subject)?;
     let batch = LaneBatch::new(&model, true).ok_or("this machine has no lanes")?;
+    let batch = if mixed { batch.with_single_precision() } else { batch };
     let params = EquilibriumParams::default();
     let targets: Vec<Matrix3<f64>> = random_gradients(subject, gradients).collect();
     let mut rves = vec![Rve::at_rest(&subject.network); targets.len()];
@@ -89,7 +100,10 @@ fn compare_network(subject: &Subject, gradients: usize) -> Result<Counts, String
         };
         counts.in_lanes += 1;
         match expected {
-            Some((pk1, tangent, _, iterations)) if by_newton && iterations == found.iterations => {
+            Some((pk1, tangent, _, iterations)) if by_newton => {
+                counts.other_iterations += usize::from(iterations != found.iterations);
+                counts.iterations[0] += found.iterations;
+                counts.iterations[1] += iterations;
                 counts.stress = counts.stress.max((found.pk1 - pk1).norm() / pk1.norm());
                 counts.tangent = counts.tangent.max((found.tangent - tangent).norm() / tangent.norm());
             }

@@ -72,8 +72,9 @@ fn main() -> Result<(), Error> {
     let budget = argument("--seconds", 3000)? as f64;
     let start = Instant::now();
     let subjects = (0..networks).into_par_iter().map(subject).collect::<Result<Vec<_>, _>>()?;
-    if std::env::args().any(|argument| argument == "--lanes") {
-        return Ok(lanes::compare(&subjects, gradients)?);
+    let has = |option: &str| std::env::args().any(|argument| argument == option);
+    if has("--lanes") || has("--mixed") {
+        return Ok(lanes::compare(&subjects, gradients, has("--mixed"))?);
     }
     let outcomes = subjects
         .par_iter()

@@ -8,7 +8,7 @@ use crate::fem::mesh::QuadraticHexahedron;
 use crate::fem::mesh::shapes::TubeShape;
 use crate::fem::stepping::{AdaptiveIncrements, StepStart};
 use crate::fiber::equilibrium::{Stage, Stages};
-use crate::tissue::materials::{ElementSelection, RveDevice, RveParams};
+use crate::tissue::materials::{ElementSelection, LaneUse, RveDevice, RveParams};
 use crate::tissue::two_scale::{BalanceParams, PlannerName, WeightsName, When};
 use toml::de::DeValue;
 
@@ -227,6 +227,7 @@ fn optional_tolerance(table: &mut Table<'_>, key: &'static str) -> Option<f64> {
 
 /// Reads the solver settings of the RVEs.
 pub(super) fn micro(root: &mut Table<'_>) -> RveParams {
+    let lanes = [LaneUse::Auto, LaneUse::Mixed, LaneUse::Off].map(|lanes| (lanes.name(), lanes));
     root.section("micro", RveParams::default(), |table, default| RveParams {
         tolerance: table.number("tolerance", TOLERANCE).unwrap_or(default.tolerance),
         max_iterations: table.integer("max_iterations", 1..=10_000).unwrap_or(default.max_iterations),
@@ -235,12 +236,9 @@ pub(super) fn micro(root: &mut Table<'_>) -> RveParams {
         predictor: table.boolean("predictor").unwrap_or(default.predictor),
         solver: solver::of_micro(table),
         device: table.get("device").and_then(|value| device(&value)).unwrap_or(default.device),
-        lanes: table.get("lanes").and_then(|value| value.choice(&LANES)).unwrap_or(default.lanes),
+        lanes: table.choice("lanes", &lanes).unwrap_or(default.lanes),
     })
 }
-
-/// Whether the processor solves RVEs in lanes.
-pub(super) const LANES: [(&str, bool); 2] = [("auto", true), ("off", false)];
 
 /// Reads the device of the RVEs, which this build must be able to use.
 fn device(value: &Value<'_>) -> Option<Option<RveDevice>> {

@@ -16,7 +16,7 @@ use crate::fiber::equilibrium::Stage;
 use crate::fiber::law::{FiberLaw, FiberMaterial, Law};
 use crate::fiber::rve::StressScale;
 use crate::tissue::materials::{
-    BeforeCreation, ElementSelection, FiberRve, NetworkAssignment, RegionMaterial, RveLifecycle, RveScale,
+    BeforeCreation, ElementSelection, FiberRve, LaneUse, NetworkAssignment, RegionMaterial, RveLifecycle, RveScale,
 };
 use crate::tissue::two_scale::BalanceParams;
 
@@ -27,7 +27,6 @@ use super::formula::FormulaCase;
 use super::load::AXES;
 use super::load_value::LoadValue;
 use super::parameter::FieldCase;
-use super::section::LANES;
 use super::solver;
 
 /// A key and its value as TOML.
@@ -128,8 +127,7 @@ impl Case {
         ];
         // Earlier versions do not know these keys.
         let device = micro.device.map(|device| entry("device", device.name()));
-        let lanes = LANES.iter().find(|(_, lanes)| *lanes == micro.lanes && !micro.lanes);
-        let lanes = lanes.map(|(name, _)| entry("lanes", *name));
+        let lanes = (micro.lanes != LaneUse::default()).then(|| entry("lanes", micro.lanes.name()));
         section(&mut out, "[micro]", entries.into_iter().chain(device).chain(lanes));
         let entries =
             [entry("macro", scales.macro_ranks), entry("micro", scales.micro_ranks), entry("near", scales.near)];

@@ -23,8 +23,8 @@ use crate::las::{Backend, Method, RealBackend, SolverParams};
 #[cfg(feature = "sparse")]
 use crate::rve_batch::LaneBatch;
 use crate::tissue::materials::{
-    FiberRve, Formula, Formulas, Materials, NetworkAssignment, Region, RegionMaterial, RveLifecycle, find_region,
-    random_network,
+    FiberRve, Formula, Formulas, LaneUse, Materials, NetworkAssignment, Region, RegionMaterial, RveLifecycle,
+    find_region, random_network,
 };
 
 /// The reason why the materials of a body cannot be set up.
@@ -58,8 +58,8 @@ pub struct Library<B: Backend> {
     pub(super) params: EquilibriumParams,
     /// Whether RVEs keep the sensitivities that predict the start of the next solve.
     pub(super) predict: bool,
-    /// Whether the processor may solve RVEs in lanes.
-    lanes: bool,
+    /// How the processor may solve RVEs in lanes.
+    lanes: LaneUse,
     /// The solvers of whole batches of RVEs, for models that have one.
     batch_solvers: Vec<Option<Mutex<Box<dyn BatchSolver>>>>,
 }
@@ -118,7 +118,7 @@ impl<B: RealBackend> Library<B> {
         let params = params.with_stages(rve.stages);
         let batch_solvers = models.iter().map(|_| None).collect();
         // The factorization in lanes is a direct one.
-        let lanes = rve.lanes && rve.solver == Method::Direct;
+        let lanes = if rve.solver == Method::Direct { rve.lanes } else { LaneUse::Off };
         Ok((Self { context, models, edges, regions, params, predict: rve.predictor, lanes, batch_solvers }, warnings))
     }
 
@@ -133,9 +133,11 @@ impl<B: RealBackend> Library<B> {
         #[cfg(feature = "sparse")]
         for ((model, solver), &count) in self.models.iter().zip(&mut self.batch_solvers).zip(counts) {
             // The elimination order of lanes is that of the backend `sparse`.
-            let may_use = self.lanes && B::NAME == BackendName::Sparse.as_str();
+            let may_use = self.lanes != LaneUse::Off && B::NAME == BackendName::Sparse.as_str();
             if may_use && solver.is_none() && count >= LaneBatch::LEAST_RVES {
                 let batch = LaneBatch::new(model, self.predict).filter(LaneBatch::is_faster);
+                let batch =
+                    batch.map(|batch| if self.lanes == LaneUse::Mixed { batch.with_single_precision() } else { batch });
                 *solver = batch.map(|batch| Mutex::new(Box::new(batch) as Box<dyn BatchSolver>));
             }
         }

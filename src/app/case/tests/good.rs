@@ -9,6 +9,7 @@ use crate::fem::mesh::shapes::TubeShape;
 use crate::fiber::equilibrium::{Stage, Stages};
 use crate::fiber::law::{FiberMaterial, Law};
 use crate::las::{Iterative, Krylov, Method, Preconditioner};
+use crate::tissue::materials::LaneUse;
 
 #[test]
 fn every_entry_is_read() {
@@ -91,7 +92,7 @@ fn every_entry_is_read() {
             predictor: false,
             solver: Method::Iterative(gmres),
             device: None,
-            lanes: true,
+            lanes: LaneUse::Mixed,
         }
     );
     assert_eq!(case.scales, ScalesCase { micro_ranks: 3, near: true, ..ScalesCase::default() });
@@ -131,7 +132,7 @@ fn defaults_fill_in() {
             predictor: true,
             solver: Method::Direct,
             device: None,
-            lanes: true,
+            lanes: LaneUse::Auto,
         }
     );
     assert_eq!(case.scales, ScalesCase::default());

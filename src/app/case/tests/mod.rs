@@ -113,6 +113,7 @@ start = "held"
 solver = { method = "cg", preconditioner = "diagonal", tolerance = 1e-13 }
 
 [micro]
+lanes = "mixed"
 tolerance = 1e-11
 max_iterations = 60
 max_cuts = 5

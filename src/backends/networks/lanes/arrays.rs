@@ -5,11 +5,11 @@ use std::marker::PhantomData;
 
 use super::factor::{Factor, NegatedSymmetric};
 use super::network::Network;
-use super::simd::{MOST_LANES, Simd};
+use super::simd::{Double, MOST_LANES, Simd};
 use crate::backends::networks::MODES;
 
 /// The numbers of a group. Interior nodes are numbered by their place in the elimination order; boundary nodes follow them.
-pub(super) struct Arrays<'a, S: Simd> {
+pub(super) struct Arrays<'a, S: Double> {
     /// Three coordinates of each node, at which forces are evaluated.
     pub positions: &'a mut [S::Stored],
     /// Three of each node: the internal force, the derivative of the energy.
@@ -28,11 +28,11 @@ pub(super) struct Arrays<'a, S: Simd> {
     pub direction: &'a mut [S::Stored],
     /// Eighteen of each node: the sensitivities to the six strains.
     pub modes: &'a mut [S::Stored],
-    /// Eighteen of each node: the sensitivities of the forces.
+    /// Eighteen of each node: the sensitivities of the forces. Until the end, a factor of single precision may be here.
     pub loads: &'a mut [S::Stored],
 }
 
-impl<S: Simd> Arrays<'_, S> {
+impl<S: Double> Arrays<'_, S> {
     /// Factors the stiffness of the last evaluation, and solves `L y = r` for the residual.
     pub fn factor<'a, const C: usize, const R: usize>(
         &'a mut self,
@@ -62,10 +62,11 @@ thread_local! {
     static MEMORY: RefCell<Vec<Entry>> = const { RefCell::new(Vec::new()) };
 }
 
-/// The numbers of entries of the arrays of a network.
-fn lengths(network: &Network) -> [usize; 10] {
+/// The numbers of entries of the arrays of a network, with these bytes of each number of single precision; 0 without.
+fn lengths(network: &Network, single_bytes: usize) -> [usize; 10] {
     let Network { interior, nodes, .. } = *network;
-    let (fibers, pairs, blocks) = (network.fibers.len(), network.pairs, network.schedule.blocks());
+    let (fibers, pairs, blocks) = (network.fibers.len(), network.pair_ends.len(), network.schedule.blocks());
+    let single = (single_bytes * single_lengths(network).iter().sum::<usize>()).div_ceil(size_of::<f64>());
     [
         3 * nodes,
         3 * nodes,
@@ -76,20 +77,32 @@ fn lengths(network: &Network) -> [usize; 10] {
         9 * (blocks + 1),
         3 * interior,
         3 * MODES * nodes,
-        3 * MODES * nodes,
+        single.max(3 * MODES * nodes),
     ]
 }
 
+/// The numbers of entries in single precision: stiffness, pairs, diagonal, blocks and right-hand side.
+pub(super) fn single_lengths(network: &Network) -> [usize; 5] {
+    let Network { interior, .. } = *network;
+    [6 * interior, 6 * network.pair_ends.len(), 6 * interior, 9 * (network.schedule.blocks() + 1), 3 * interior]
+}
+
 /// Bytes of the arrays of a network in each lane.
-pub(super) fn bytes_per_lane(network: &Network) -> usize {
-    size_of::<f64>() * lengths(network).iter().sum::<usize>()
+pub(super) fn bytes_per_lane(network: &Network, has_single: bool) -> usize {
+    let single_bytes = if has_single { size_of::<f32>() } else { 0 };
+    size_of::<f64>() * lengths(network, single_bytes).iter().sum::<usize>()
 }
 
 /// Calls `action` with arrays for a network, which hold numbers of earlier groups.
-pub(super) fn with_arrays<S: Simd, R>(network: &Network, action: impl FnOnce(&mut Arrays<'_, S>) -> R) -> R {
+pub(super) fn with_arrays<S: Double, R>(
+    network: &Network,
+    has_single: bool,
+    action: impl FnOnce(&mut Arrays<'_, S>) -> R,
+) -> R {
     MEMORY.with(|memory| {
         let mut memory = memory.borrow_mut();
-        let lengths = lengths(network);
+        let of_single = size_of::<<S::Single as Simd>::Stored>() * size_of::<f64>() / size_of::<S::Stored>();
+        let lengths = lengths(network, if has_single { of_single } else { 0 });
         let entries = lengths.iter().sum::<usize>();
         let needed = (entries * S::LANES).div_ceil(MOST_LANES);
         if memory.len() < needed {

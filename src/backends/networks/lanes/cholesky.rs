@@ -9,8 +9,8 @@ use pulp::x86::{V3, V4};
 use super::factor::{Factor, Full};
 #[cfg(any(test, not(target_arch = "x86_64")))]
 use super::portable::Portable;
-use super::simd::{Kernel, Simd, numbers_of, numbers_of_mut};
-use super::triangular::{backward, forward};
+use super::simd::{Double, numbers_of, numbers_of_mut};
+use super::triangular::SolveBoth;
 use super::{Level, tile_of};
 use crate::backends::networks::Schedule;
 use crate::las::Sparsity;
@@ -134,7 +134,7 @@ trait Machine: Send {
 }
 
 /// The matrices and their factors, as in [`Factor`].
-struct Factors<S: Simd, const C: usize, const R: usize> {
+struct Factors<S: Double, const C: usize, const R: usize> {
     simd: S,
     matrix_diagonal: Vec<S::Stored>,
     off_diagonal: Vec<S::Stored>,
@@ -143,7 +143,7 @@ struct Factors<S: Simd, const C: usize, const R: usize> {
     right: Vec<S::Stored>,
 }
 
-impl<S: Simd, const C: usize, const R: usize> Factors<S, C, R> {
+impl<S: Double, const C: usize, const R: usize> Factors<S, C, R> {
     fn new(simd: S, LaneAnalysis { schedule, blocks, .. }: &LaneAnalysis) -> Self {
         let (nodes, edges) = (blocks.order.len(), blocks.edges.len());
         let zeros = |len: usize| vec![bytemuck::Zeroable::zeroed(); len];
@@ -159,13 +159,13 @@ impl<S: Simd, const C: usize, const R: usize> Factors<S, C, R> {
 }
 
 /// Copies the lanes of the entries at these indices.
-fn gather<S: Simd>(to: &mut [S::Stored], indices: &[u32], values: &[f64]) {
+fn gather<S: Double>(to: &mut [S::Stored], indices: &[u32], values: &[f64]) {
     for (to, &index) in numbers_of_mut::<S>(to).chunks_exact_mut(S::LANES).zip(indices) {
         to.copy_from_slice(&values[S::LANES * index as usize..][..S::LANES]);
     }
 }
 
-impl<S: Simd, const C: usize, const R: usize> Machine for Factors<S, C, R> {
+impl<S: Double, const C: usize, const R: usize> Machine for Factors<S, C, R> {
     fn factor(&mut self, LaneAnalysis { schedule, blocks, .. }: &LaneAnalysis, values: &[f64]) -> Vec<LanePivots> {
         gather::<S>(&mut self.matrix_diagonal, &blocks.of_diagonal, values);
         gather::<S>(&mut self.off_diagonal, &blocks.of_edges, values);
@@ -200,24 +200,5 @@ impl<S: Simd, const C: usize, const R: usize> Machine for Factors<S, C, R> {
         for (right, &number) in numbers_of::<S>(&self.right).chunks_exact(node).zip(&blocks.order) {
             x[node * number as usize..][..node].copy_from_slice(right);
         }
-    }
-}
-
-/// Solves `L L^T x = b` in place.
-struct SolveBoth<'a, S: Simd, const C: usize> {
-    schedule: &'a Schedule,
-    diagonal: &'a [S::Stored],
-    lower: &'a [S::Stored],
-    right: &'a mut [S::Stored],
-}
-
-impl<S: Simd, const C: usize> Kernel<S> for SolveBoth<'_, S, C> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run(self, simd: S) {
-        let Self { schedule, diagonal, lower, right } = self;
-        forward::<S, C, 1, 1>(simd, schedule, (diagonal, lower), right);
-        backward::<S, C, 1, 1>(simd, schedule, (diagonal, lower), right);
     }
 }

@@ -3,10 +3,10 @@
 use super::arrays::Arrays;
 use super::laws::Law;
 use super::network::{Fiber, NO_PAIR, Network};
-use super::simd::{Kernel, Lanes, Simd, load, numbers_of_mut, store};
+use super::simd::{Double, Kernel, Lanes, load, numbers_of_mut, store};
 
 /// What the evaluation of forces says about each lane.
-pub(super) struct Forces<S: Simd> {
+pub(super) struct Forces<S: Double> {
     /// Norm of the forces at interior nodes.
     pub residual: Lanes<S>,
     /// Norm of the forces at all nodes.
@@ -16,14 +16,18 @@ pub(super) struct Forces<S: Simd> {
 }
 
 /// Computes the forces of all nodes and the stiffness; copies the forces of interior nodes to `direction`.
-pub(super) struct Evaluate<'a, 'b, S: Simd> {
+pub(super) struct Evaluate<'a, 'b, S: Double> {
     pub network: &'a Network,
     pub arrays: &'a mut Arrays<'b, S>,
 }
 
 /// The direction from the first end of a fiber to the second, and its length.
 #[inline(always)]
-pub(super) fn vector_and_length<S: Simd>(simd: S, positions: &[S::Stored], fiber: &Fiber) -> ([Lanes<S>; 3], Lanes<S>) {
+pub(super) fn vector_and_length<S: Double>(
+    simd: S,
+    positions: &[S::Stored],
+    fiber: &Fiber,
+) -> ([Lanes<S>; 3], Lanes<S>) {
     let from: [Lanes<S>; 3] = load(simd, positions, fiber.ends[0] as usize);
     let to: [Lanes<S>; 3] = load(simd, positions, fiber.ends[1] as usize);
     let d = [to[0] - from[0], to[1] - from[1], to[2] - from[2]];
@@ -33,7 +37,7 @@ pub(super) fn vector_and_length<S: Simd>(simd: S, positions: &[S::Stored], fiber
 
 /// Returns the stretch of a fiber: the quotient to rounding.
 #[inline(always)]
-pub(super) fn stretch_of<S: Simd>(length: Lanes<S>, fiber: &Fiber) -> Lanes<S> {
+pub(super) fn stretch_of<S: Double>(length: Lanes<S>, fiber: &Fiber) -> Lanes<S> {
     let simd = length.0;
     let (rest, inverse) = (Lanes::splat(simd, fiber.length), Lanes::splat(simd, fiber.inverse_length));
     let quotient = length * inverse;
@@ -42,7 +46,7 @@ pub(super) fn stretch_of<S: Simd>(length: Lanes<S>, fiber: &Fiber) -> Lanes<S> {
     remainder.mul_add(inverse, quotient)
 }
 
-impl<S: Simd> Kernel<S> for Evaluate<'_, '_, S> {
+impl<S: Double> Kernel<S> for Evaluate<'_, '_, S> {
     type Output = Forces<S>;
 
     #[inline(always)]
@@ -103,7 +107,7 @@ impl<S: Simd> Kernel<S> for Evaluate<'_, '_, S> {
 }
 
 #[inline(always)]
-pub(super) fn add_to<S: Simd, const N: usize>(simd: S, array: &mut [S::Stored], at: usize, block: &[Lanes<S>; N]) {
+pub(super) fn add_to<S: Double, const N: usize>(simd: S, array: &mut [S::Stored], at: usize, block: &[Lanes<S>; N]) {
     let mut sum: [Lanes<S>; N] = load(simd, array, at);
     for k in 0..N {
         sum[k] += block[k];
@@ -112,7 +116,7 @@ pub(super) fn add_to<S: Simd, const N: usize>(simd: S, array: &mut [S::Stored], 
 }
 
 #[inline(always)]
-pub(super) fn subtract_from<S: Simd, const N: usize>(
+pub(super) fn subtract_from<S: Double, const N: usize>(
     simd: S,
     array: &mut [S::Stored],
     at: usize,

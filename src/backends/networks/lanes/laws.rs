@@ -1,6 +1,7 @@
 //! Fiber laws in lanes. The formulas are those of `fiber::law`, without branches that depend on a lane.
 
-use super::simd::{Lanes, Simd};
+use super::energy_series::EnergySeries;
+use super::simd::{Double, Lanes};
 use crate::backends::networks::{LawData, LawFormula};
 
 /// A law with the numbers that its evaluation needs.
@@ -14,6 +15,8 @@ pub(super) struct Law {
     buckling: Option<[f64; 3]>,
     /// The modulus over the nonlinearity.
     curve: f64,
+    /// The energy of the exponential law over `curve`.
+    series: EnergySeries,
     pub inverse_modulus: f64,
 }
 
@@ -22,12 +25,13 @@ impl Law {
         let [_, modulus, nonlinearity, transition, _, residual, strain, curve, inverse_modulus, inverse_strain] =
             law.numbers();
         let buckling = law.buckling.map(|_| [residual, strain, inverse_strain]);
-        Self { formula: law.formula, modulus, nonlinearity, transition, buckling, curve, inverse_modulus }
+        let series = EnergySeries::new(nonlinearity);
+        Self { formula: law.formula, modulus, nonlinearity, transition, buckling, curve, series, inverse_modulus }
     }
 
     /// Returns the nominal stress of a fiber and its slope.
     #[inline(always)]
-    pub fn stress<S: Simd>(&self, stretch: Lanes<S>) -> (Lanes<S>, Lanes<S>) {
+    pub fn stress<S: Double>(&self, stretch: Lanes<S>) -> (Lanes<S>, Lanes<S>) {
         let (stress, slope) = self.stress_in_tension(stretch);
         let Some([residual, strain, inverse_strain]) = self.buckling else { return (stress, slope) };
         let (modulus, lost) = (self.modulus, 1.0 - residual);
@@ -42,7 +46,7 @@ impl Law {
     }
 
     #[inline(always)]
-    fn stress_in_tension<S: Simd>(&self, stretch: Lanes<S>) -> (Lanes<S>, Lanes<S>) {
+    fn stress_in_tension<S: Double>(&self, stretch: Lanes<S>) -> (Lanes<S>, Lanes<S>) {
         let &Self { modulus, nonlinearity, transition, curve, .. } = self;
         match self.formula {
             LawFormula::Linear { .. } => {
@@ -64,7 +68,7 @@ impl Law {
 
     /// Returns the energy of a fiber per reference volume.
     #[inline(always)]
-    pub fn energy<S: Simd>(&self, stretch: Lanes<S>) -> Lanes<S> {
+    pub fn energy<S: Double>(&self, stretch: Lanes<S>) -> Lanes<S> {
         let energy = self.energy_in_tension(stretch);
         let Some([residual, strain, inverse_strain]) = self.buckling else { return energy };
         let lost = 1.0 - residual;
@@ -79,15 +83,27 @@ impl Law {
         buckled.where_or(stretch.less(Lanes::splat(stretch.0, 1.0)), energy)
     }
 
+    /// The integral of `exp(B g) - 1` over the strain from zero. Which way a lane takes does not depend on the others.
     #[inline(always)]
-    fn energy_in_tension<S: Simd>(&self, stretch: Lanes<S>) -> Lanes<S> {
+    fn integral_of_growth<S: Double>(&self, strain: Lanes<S>) -> Lanes<S> {
+        let serves = self.series.serves(strain);
+        let by_series = self.series.integral(strain);
+        let (zero, one) = (Lanes::splat(strain.0, 0.0), Lanes::splat(strain.0, 1.0));
+        if one.where_or(serves, zero).numbers()[..S::LANES].iter().all(|&serves| serves != 0.0) {
+            return by_series;
+        }
+        by_series.where_or(serves, integral_of_growth(self.nonlinearity, strain))
+    }
+
+    #[inline(always)]
+    fn energy_in_tension<S: Double>(&self, stretch: Lanes<S>) -> Lanes<S> {
         let &Self { modulus, nonlinearity, transition, curve, .. } = self;
         match self.formula {
             LawFormula::Linear { .. } => {
                 let green = 0.5 * (stretch - 1.0) * (stretch + 1.0);
                 0.5 * modulus * green * green
             }
-            LawFormula::Exponential { .. } => curve * integral_of_growth(nonlinearity, stretch - 1.0),
+            LawFormula::Exponential { .. } => curve * self.integral_of_growth(stretch - 1.0),
             LawFormula::ExponentialStretch { .. } => {
                 let nearest = at_most(at_least(stretch, 1.0), transition);
                 let x = 0.5 * nonlinearity * (nearest - 1.0) * (nearest + 1.0);
@@ -108,20 +124,20 @@ impl Law {
 }
 
 #[inline(always)]
-fn at_most<S: Simd>(x: Lanes<S>, most: f64) -> Lanes<S> {
+fn at_most<S: Double>(x: Lanes<S>, most: f64) -> Lanes<S> {
     let most = Lanes::splat(x.0, most);
     most.where_or(most.less(x), x)
 }
 
 #[inline(always)]
-fn at_least<S: Simd>(x: Lanes<S>, least: f64) -> Lanes<S> {
+fn at_least<S: Double>(x: Lanes<S>, least: f64) -> Lanes<S> {
     let least = Lanes::splat(x.0, least);
     least.where_or(x.less(least), x)
 }
 
 /// `exp(x) - 1`, as `fiber::law::exp_m1` computes it.
 #[inline(always)]
-fn growth<S: Simd>(x: Lanes<S>) -> Lanes<S> {
+fn growth<S: Double>(x: Lanes<S>) -> Lanes<S> {
     const ROUND: f64 = 6_755_399_441_055_744.0;
     let simd = x.0;
     let bounded = at_least(at_most(x, 710.0), -50.0);
@@ -142,7 +158,7 @@ fn growth<S: Simd>(x: Lanes<S>) -> Lanes<S> {
 
 /// `(exp(r) - 1 - r) / r^2` to order `r^12` by Estrin's scheme.
 #[inline(always)]
-fn series<S: Simd>(r: Lanes<S>) -> Lanes<S> {
+fn series<S: Double>(r: Lanes<S>) -> Lanes<S> {
     let r2 = r * r;
     let r4 = r2 * r2;
     let a = r.times_plus(1.0 / 120.0, 1.0 / 24.0).mul_add(r2, r.times_plus(1.0 / 6.0, 1.0 / 2.0));
@@ -157,7 +173,7 @@ fn series<S: Simd>(r: Lanes<S>) -> Lanes<S> {
 /// The integral of `exp(B g) - 1` over the strain from zero, on panels on which the exponent grows by at most about 1. Few
 /// fibers need more than one.
 #[inline(always)]
-fn integral_of_growth<S: Simd>(b: f64, strain: Lanes<S>) -> Lanes<S> {
+fn integral_of_growth<S: Double>(b: f64, strain: Lanes<S>) -> Lanes<S> {
     let simd = strain.0;
     let bound = 0.4 * b * ((strain * (strain + 2.0)).abs() + strain * strain);
     let mut panels = bound.numbers();
@@ -180,7 +196,7 @@ fn integral_of_growth<S: Simd>(b: f64, strain: Lanes<S>) -> Lanes<S> {
 
 /// The integral from one strain to another by Gauss quadrature with eight points.
 #[inline(always)]
-fn integral_on_panel<S: Simd>(b: f64, from: Lanes<S>, to: Lanes<S>) -> Lanes<S> {
+fn integral_on_panel<S: Double>(b: f64, from: Lanes<S>, to: Lanes<S>) -> Lanes<S> {
     const POINTS: [f64; 4] =
         [0.183_434_642_495_649_8, 0.525_532_409_916_329, 0.796_666_477_413_626_7, 0.960_289_856_497_536_3];
     const WEIGHTS: [f64; 4] =

@@ -14,15 +14,18 @@ mod arrays;
 mod blocks;
 #[cfg(feature = "batched")]
 mod cholesky;
+mod energy_series;
 mod factor;
 mod forces;
 mod laws;
 mod network;
 mod newton;
+mod phases;
 // On x86-64 it only serves the tests: its kernels take as long to compile as those of AVX2.
 #[cfg(any(test, not(target_arch = "x86_64")))]
 mod portable;
 mod simd;
+mod single;
 mod start;
 mod tangent;
 mod triangular;
@@ -37,9 +40,11 @@ use arrays::{Arrays, with_arrays};
 pub(in crate::backends) use cholesky::{LaneAnalysis, LaneCholesky, LanePivots};
 use network::Network;
 use newton::{Course, Newton};
+use phases::Clock;
+pub use phases::{Phase, PhaseTimes};
 #[cfg(any(test, not(target_arch = "x86_64")))]
 use portable::Portable;
-use simd::{Lanes, MOST_LANES, Simd, numbers_of};
+use simd::{Double, Lanes, MOST_LANES, Simd, numbers_of};
 pub use start::LaneStart;
 use tangent::{ComputeProducts, Energy, SolveModes, Stress};
 
@@ -124,6 +129,8 @@ impl LaneEnd<'_> {
 pub struct NetworkLanes {
     level: Level,
     network: Network,
+    /// Whether factors of single precision serve for all but the last factorization.
+    has_single: bool,
 }
 
 impl NetworkLanes {
@@ -140,7 +147,26 @@ impl NetworkLanes {
     /// # Panics
     /// As for [`NetworkLanes::new`].
     pub fn with_level(network: &NetworkData, level: Level) -> Self {
-        Self { level, network: Network::new(network, tile_of(level)) }
+        Self { level, network: Network::new(network, tile_of(level)), has_single: false }
+    }
+
+    /// Uses factors of single precision for the directions of Newton's method, with residuals of double precision; the
+    /// factor that shows that an equilibrium is stable, and serves its tangent, keeps double precision. Changes nothing
+    /// if these instructions are no faster with single precision.
+    pub fn use_single_precision(&mut self) {
+        self.has_single = match self.level {
+            #[cfg(any(test, not(target_arch = "x86_64")))]
+            Level::Portable => Portable::HAS_SINGLE,
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx2(_) => V3::HAS_SINGLE,
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx512(_) => V4::HAS_SINGLE,
+        };
+    }
+
+    /// Returns true if factors of single precision serve for the directions of Newton's method.
+    pub fn has_single_precision(&self) -> bool {
+        self.has_single
     }
 
     /// The number of networks that are solved at once.
@@ -165,24 +191,31 @@ impl NetworkLanes {
 
     /// Bytes of memory for each lane of a group.
     pub fn bytes_per_lane(&self) -> usize {
-        arrays::bytes_per_lane(&self.network)
+        arrays::bytes_per_lane(&self.network, self.has_single)
     }
 
     /// Finds the equilibria of up to [`NetworkLanes::lanes`] networks. Calls `read` with the index of each, in ascending
-    /// order, and its outcome.
+    /// order, and its outcome. Adds to `times`, if given, what each phase takes.
     ///
     /// # Panics
     /// Panics if there are more networks than lanes, if one has another number of interior nodes, or if
     /// [`BatchParams::memory`] is not 1 to 8.
-    pub fn solve(&self, starts: &[LaneStart<'_>], params: &BatchParams, read: impl FnMut(usize, LaneEnd<'_>)) {
+    pub fn solve(
+        &self,
+        starts: &[LaneStart<'_>],
+        params: &BatchParams,
+        times: Option<&mut PhaseTimes>,
+        read: impl FnMut(usize, LaneEnd<'_>),
+    ) {
         self.check(starts, params);
+        let clock = Clock::new(times);
         match self.level {
             #[cfg(any(test, not(target_arch = "x86_64")))]
-            Level::Portable => self.solve_with::<_, 1, 1>(Portable, starts, params, read),
+            Level::Portable => self.solve_with::<_, 1, 1>(Portable, starts, params, clock, read),
             #[cfg(target_arch = "x86_64")]
-            Level::Avx2(simd) => self.solve_with::<_, 1, 1>(simd, starts, params, read),
+            Level::Avx2(simd) => self.solve_with::<_, 1, 1>(simd, starts, params, clock, read),
             #[cfg(target_arch = "x86_64")]
-            Level::Avx512(simd) => self.solve_with::<_, 2, 1>(simd, starts, params, read),
+            Level::Avx512(simd) => self.solve_with::<_, 2, 1>(simd, starts, params, clock, read),
         }
     }
 
@@ -215,7 +248,7 @@ impl NetworkLanes {
         assert!(starts.iter().all(|start| start.positions.len() == interior), "a position for each interior node");
     }
 
-    fn continues_with<S: Simd, const C: usize, const R: usize>(
+    fn continues_with<S: Double, const C: usize, const R: usize>(
         &self,
         simd: S,
         starts: &[LaneStart<'_>],
@@ -223,29 +256,35 @@ impl NetworkLanes {
         params: &BatchParams,
     ) -> Vec<Status> {
         let network = &self.network;
-        with_arrays(network, |arrays| {
-            write_starts(network, starts, arrays);
-            let newton = Newton { simd, network, arrays, params, lanes: starts.len() };
+        with_arrays(network, self.has_single, |arrays| {
+            start::write_starts(simd, network, starts, arrays.positions);
+            let clock = &mut Clock::new(None);
+            let newton = Newton { simd, network, arrays, params, lanes: starts.len(), has_single: false, clock };
             let courses = newton.run::<C, R>(Some(reached));
             courses.iter().map(|course| course.status.unwrap_or(Status::Inconclusive)).collect()
         })
     }
 
-    fn solve_with<S: Simd, const C: usize, const R: usize>(
+    fn solve_with<S: Double, const C: usize, const R: usize>(
         &self,
         simd: S,
         starts: &[LaneStart<'_>],
         params: &BatchParams,
+        mut clock: Clock<'_>,
         mut read: impl FnMut(usize, LaneEnd<'_>),
     ) {
         let network = &self.network;
-        with_arrays(network, |arrays| {
-            write_starts(network, starts, arrays);
-            let courses = Newton { simd, network, arrays, params, lanes: starts.len() }.run::<C, R>(None);
+        with_arrays(network, self.has_single, |arrays| {
+            start::write_starts(simd, network, starts, arrays.positions);
+            clock.end(Phase::Start);
+            let (lanes, has_single) = (starts.len(), self.has_single);
+            let newton = Newton { simd, network, arrays, params, lanes, has_single, clock: &mut clock };
+            let courses = newton.run::<C, R>(None);
             let mut results: Vec<[f64; RESULT_LEN]> = courses.iter().map(write_course).collect();
             if courses.iter().any(|course| course.status == Some(Status::Converged)) {
                 condense::<S, C>(simd, network, arrays, params.wants_tangent, &mut results);
             }
+            clock.end(Phase::Tangent);
             let (mut positions, mut sensitivities) = (vec![[0.0; 3]; network.interior], Vec::new());
             for (lane, numbers) in results.iter().enumerate() {
                 if numbers[STATUS] == Status::Converged as usize as f64 {
@@ -257,16 +296,8 @@ impl NetworkLanes {
                 }
                 read(lane, LaneEnd { numbers, positions: &positions, sensitivities: &sensitivities });
             }
+            clock.end(Phase::End);
         });
-    }
-}
-
-/// Writes the starts into the lanes; lanes without a network are copies of the first one.
-fn write_starts<S: Simd>(network: &Network, starts: &[LaneStart<'_>], arrays: &mut Arrays<'_, S>) {
-    for lane in 0..S::LANES {
-        if let Some(start) = starts.get(lane).or(starts.first()) {
-            start::write_start::<S>(network, start, lane, arrays.positions);
-        }
     }
 }
 
@@ -282,7 +313,7 @@ fn write_course(course: &Course) -> [f64; RESULT_LEN] {
 }
 
 /// Computes stress, energy and tangent of the lanes that have converged.
-fn condense<S: Simd, const C: usize>(
+fn condense<S: Double, const C: usize>(
     simd: S,
     network: &Network,
     arrays: &mut Arrays<'_, S>,
@@ -315,7 +346,7 @@ fn condense<S: Simd, const C: usize>(
     }
 }
 
-fn read_positions<S: Simd>(network: &Network, arrays: &Arrays<'_, S>, lane: usize, positions: &mut [[f64; 3]]) {
+fn read_positions<S: Double>(network: &Network, arrays: &Arrays<'_, S>, lane: usize, positions: &mut [[f64; 3]]) {
     let numbers = numbers_of::<S>(arrays.positions);
     for (place, &node) in network.order.iter().enumerate() {
         positions[node as usize] = std::array::from_fn(|k| numbers[(3 * place + k) * S::LANES + lane]);
@@ -323,7 +354,7 @@ fn read_positions<S: Simd>(network: &Network, arrays: &Arrays<'_, S>, lane: usiz
 }
 
 /// Reads the sensitivities of a lane, minus those of the affine motion.
-fn read_sensitivities<S: Simd>(
+fn read_sensitivities<S: Double>(
     _: S,
     network: &Network,
     arrays: &Arrays<'_, S>,

@@ -26,8 +26,10 @@ pub(super) struct Fiber {
 pub(super) struct Network {
     pub interior: usize,
     pub nodes: usize,
-    /// Pairs of interior nodes that fibers connect.
-    pub pairs: usize,
+    /// Pairs of interior nodes that fibers connect, the one that is eliminated first before the other.
+    pub pair_ends: Vec<[u32; 2]>,
+    /// The typical stiffness of a fiber: the largest modulus times the mean of area over length.
+    pub stiffness: f64,
     pub fibers: Vec<Fiber>,
     pub laws: Vec<Law>,
     /// Reference positions of the boundary nodes.
@@ -53,15 +55,27 @@ impl Network {
                 volume: area * length,
             }
         };
+        let mut fibers: Vec<Fiber> = (0..plan.ends.len()).map(fiber).collect();
+        // Consecutive fibers share a node, whose sums are then still in the cache.
+        fibers.sort_by_key(|fiber| (fiber.ends[0].min(fiber.ends[1]), fiber.ends[0].max(fiber.ends[1])));
         Self {
             interior: network.interior,
             nodes: network.interior + network.boundary.len(),
-            pairs: plan.pairs.len(),
-            fibers: (0..plan.ends.len()).map(fiber).collect(),
+            pair_ends: plan.pairs,
+            stiffness: typical_stiffness(network),
+            fibers,
             laws: network.laws.iter().map(Law::new).collect(),
             boundary: network.boundary.clone(),
             order: plan.order,
             schedule: plan.schedule,
         }
     }
+}
+
+/// Returns the typical stiffness of a fiber; 1 if it is zero.
+fn typical_stiffness(network: &NetworkData) -> f64 {
+    let ratios = network.areas.iter().zip(&network.lengths).map(|(area, length)| area / length);
+    let modulus = network.laws.iter().map(|law| law.numbers()[1]).fold(0.0, f64::max);
+    let typical = modulus * ratios.sum::<f64>() / network.lengths.len().max(1) as f64;
+    if typical > 0.0 && typical.is_finite() { typical } else { 1.0 }
 }

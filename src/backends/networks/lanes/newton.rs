@@ -6,7 +6,9 @@
 use super::arrays::Arrays;
 use super::forces::{Evaluate, Forces};
 use super::network::Network;
-use super::simd::{Kernel, Lanes, MOST_LANES, Simd, load, numbers_of, store};
+use super::phases::{Clock, Phase};
+use super::simd::{Double, Kernel, Lanes, MOST_LANES, load, numbers_of, store};
+use super::single;
 use super::triangular::SolveDirection;
 use crate::backends::networks::{BatchParams, Status};
 
@@ -69,7 +71,7 @@ impl Found {
     }
 
     /// The forces of each lane.
-    fn of<S: Simd>(forces: &Forces<S>) -> [Self; MOST_LANES] {
+    fn of<S: Double>(forces: &Forces<S>) -> [Self; MOST_LANES] {
         let (residual, scale, largest) = (forces.residual.numbers(), forces.scale.numbers(), forces.largest.numbers());
         std::array::from_fn(|k| Self { residual: residual[k], scale: scale[k], largest: largest[k] })
     }
@@ -191,13 +193,13 @@ impl Course {
 }
 
 /// Adds `steps` times the direction to the positions of interior nodes.
-struct Move<'a, 'b, S: Simd> {
+struct Move<'a, 'b, S: Double> {
     interior: usize,
     arrays: &'a mut Arrays<'b, S>,
     steps: &'a [f64; MOST_LANES],
 }
 
-impl<S: Simd> Kernel<S> for Move<'_, '_, S> {
+impl<S: Double> Kernel<S> for Move<'_, '_, S> {
     type Output = ();
 
     #[inline(always)]
@@ -221,18 +223,23 @@ impl<S: Simd> Kernel<S> for Move<'_, '_, S> {
 }
 
 /// A group of networks in `lanes` lanes at their starts.
-pub(super) struct Newton<'a, 'b, S: Simd> {
+pub(super) struct Newton<'a, 'b, 'c, S: Double> {
     pub simd: S,
     pub network: &'a Network,
     pub arrays: &'a mut Arrays<'b, S>,
     pub params: &'a BatchParams,
     /// The lanes that have a network.
     pub lanes: usize,
+    /// Whether directions come from factors of single precision.
+    pub has_single: bool,
+    pub clock: &'a mut Clock<'c>,
 }
 
-impl<S: Simd> Newton<'_, '_, S> {
+impl<S: Double> Newton<'_, '_, '_, S> {
     fn evaluate(&mut self) -> [Found; MOST_LANES] {
-        Found::of(&self.simd.vectorize(Evaluate { network: self.network, arrays: self.arrays }))
+        let found = Found::of(&self.simd.vectorize(Evaluate { network: self.network, arrays: self.arrays }));
+        self.clock.end(Phase::Forces);
+        found
     }
 
     /// Solves with tiles of `C` columns and `R` rows, from the start in the arrays. With `reached`, positions by lane in
@@ -255,8 +262,16 @@ impl<S: Simd> Newton<'_, '_, S> {
             if !courses.iter().any(Course::runs) {
                 return courses;
             }
+            // Lanes in equilibrium wait for the others, because only their last factor must have double precision.
+            let searches = |course: &Course| course.runs() && !course.has_converged(params, continues);
+            if self.has_single && courses.iter().any(searches) {
+                self.single_direction::<C, R>(&mut courses);
+                self.search_line(&mut courses, continues);
+                continue;
+            }
             // At an equilibrium, the factor shows that it is stable, and serves the tangent.
             let pivots = simd.vectorize(self.arrays.factor::<C, R>(network));
+            self.clock.end(Phase::Factor);
             let (smallest, largest) = (pivots.smallest.numbers(), pivots.largest.numbers());
             let positive = pivots.positive.numbers();
             for (lane, course) in courses.iter_mut().enumerate().filter(|(_, course)| course.runs()) {
@@ -270,22 +285,42 @@ impl<S: Simd> Newton<'_, '_, S> {
             // The next residual overwrites the direction.
             let entries = self.arrays.direction.len();
             self.arrays.modes[..entries].copy_from_slice(self.arrays.direction);
-            while courses.iter().any(|course| course.runs() && course.search.rejected.is_some()) {
-                let mut steps = [0.0; MOST_LANES];
-                for (course, step) in courses.iter_mut().zip(&mut steps) {
-                    *step = course.take_step();
-                }
-                simd.vectorize(Move { interior: network.interior, arrays: self.arrays, steps: &steps });
-                let found = self.evaluate();
-                for (course, found) in courses.iter_mut().zip(&found) {
-                    course.judge(found, params, continues);
-                }
-            }
+            self.search_line(&mut courses, continues);
             if let Some(reached) = reached {
                 for (lane, course) in courses.iter_mut().enumerate().filter(|(_, course)| course.runs()) {
                     let distance = self.distance(lane, &reached[lane]);
                     course.approach(distance);
                 }
+            }
+        }
+    }
+
+    /// Computes the directions of the lanes that are not in equilibrium with factors of single precision.
+    fn single_direction<const C: usize, const R: usize>(&mut self, courses: &mut [Course]) {
+        let mut residuals = [0.0; MOST_LANES];
+        courses.iter().zip(&mut residuals).for_each(|(course, residual)| *residual = course.residual);
+        let found = single::direction::<S, C, R>(self.simd, self.network, self.arrays, &residuals);
+        self.clock.end(Phase::Factor);
+        for (lane, course) in courses.iter_mut().enumerate() {
+            if course.runs() && !course.has_converged(self.params, false) {
+                let ratio = found.smallest[lane] / found.largest[lane];
+                course.begin(self.params, false, found.is_accurate[lane], ratio, self.network.interior == 0);
+            }
+        }
+    }
+
+    /// Moves the lanes along their directions, by step lengths that their line searches accept.
+    fn search_line(&mut self, courses: &mut [Course], continues: bool) {
+        while courses.iter().any(|course| course.runs() && course.search.rejected.is_some()) {
+            let mut steps = [0.0; MOST_LANES];
+            for (course, step) in courses.iter_mut().zip(&mut steps) {
+                *step = course.take_step();
+            }
+            self.simd.vectorize(Move { interior: self.network.interior, arrays: self.arrays, steps: &steps });
+            self.clock.end(Phase::Step);
+            let found = self.evaluate();
+            for (course, found) in courses.iter_mut().zip(&found) {
+                course.judge(found, self.params, continues);
             }
         }
     }

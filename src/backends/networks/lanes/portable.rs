@@ -1,6 +1,6 @@
 //! Lanes for machines whose vectors are not known here.
 
-use super::simd::{Kernel, Simd, Stored4};
+use super::simd::{Double, Kernel, MOST_LANES, Simd, Stored4};
 use crate::backends::networks::TileShape;
 
 /// The version for machines without known vectors: four numbers, on which compilers find the vectors.
@@ -102,6 +102,34 @@ impl Simd for Portable {
     #[inline(always)]
     fn select(self, mask: [bool; 4], a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
         Self::each(|k| if mask[k] { a[k] } else { b[k] })
+    }
+
+    #[inline(always)]
+    fn numbers(stored: &Stored4) -> [f64; MOST_LANES] {
+        let [a, b, c, d] = stored.0;
+        [a, b, c, d, 0.0, 0.0, 0.0, 0.0]
+    }
+}
+
+impl Double for Portable {
+    type Single = Self;
+
+    /// Tests correct directions on any machine, although both precisions are the same.
+    const HAS_SINGLE: bool = cfg!(test);
+
+    #[inline(always)]
+    fn single(self) -> Self {
+        self
+    }
+
+    #[inline(always)]
+    fn narrow(self, a: [f64; 4]) -> [f64; 4] {
+        a
+    }
+
+    #[inline(always)]
+    fn widen(self, a: [f64; 4]) -> [f64; 4] {
+        a
     }
 
     #[inline(always)]

@@ -1,4 +1,4 @@
-//! Vectors of `f64` lanes, one network a lane.
+//! Vectors of lanes, one network a lane.
 //!
 //! All operations act on each lane separately and follow IEEE 754. With a fused multiply-add, the result of a lane is the
 //! same for any number of lanes; the portable version rounds products separately.
@@ -49,6 +49,22 @@ pub(super) trait Simd: Copy + Send + Sync {
     /// `a <= b`, false if one is not a number.
     fn less_or_equal(self, a: Self::Floats, b: Self::Floats) -> Self::Mask;
     fn select(self, mask: Self::Mask, a: Self::Floats, b: Self::Floats) -> Self::Floats;
+    /// The numbers of the lanes in memory; zeros beyond the last lane.
+    fn numbers(stored: &Self::Stored) -> [f64; MOST_LANES];
+}
+
+/// Instructions for lanes of double precision, in memory as `f64`.
+pub(super) trait Double: Simd {
+    /// The same lanes with single precision.
+    type Single: Simd;
+
+    /// Whether single precision is faster. Where it is not, `Single` may have double precision.
+    const HAS_SINGLE: bool;
+
+    fn single(self) -> Self::Single;
+    /// Rounds to single precision.
+    fn narrow(self, a: Self::Floats) -> <Self::Single as Simd>::Floats;
+    fn widen(self, a: <Self::Single as Simd>::Floats) -> Self::Floats;
     /// `2^(k + offset - 1023)` for each lane, where `k` is the integer in the lowest bits of the lane.
     fn power_of_two(self, bits: Self::Floats, offset: u64) -> Self::Floats;
 }
@@ -194,11 +210,11 @@ impl<S: Simd> Lanes<S> {
     pub fn numbers(self) -> [f64; MOST_LANES] {
         let mut stored = bytemuck::Zeroable::zeroed();
         self.store(&mut stored);
-        let mut numbers = [0.0; MOST_LANES];
-        numbers[..S::LANES].copy_from_slice(numbers_of::<S>(std::slice::from_ref(&stored)));
-        numbers
+        S::numbers(&stored)
     }
+}
 
+impl<S: Double> Lanes<S> {
     /// Lanes with these numbers; those beyond the last lane are ignored.
     #[inline(always)]
     pub fn of_numbers(simd: S, numbers: &[f64; MOST_LANES]) -> Self {
@@ -210,12 +226,12 @@ impl<S: Simd> Lanes<S> {
 
 /// The lanes in memory as numbers, entry after entry.
 #[inline(always)]
-pub(super) fn numbers_of<S: Simd>(stored: &[S::Stored]) -> &[f64] {
+pub(super) fn numbers_of<S: Double>(stored: &[S::Stored]) -> &[f64] {
     bytemuck::cast_slice(stored)
 }
 
 #[inline(always)]
-pub(super) fn numbers_of_mut<S: Simd>(stored: &mut [S::Stored]) -> &mut [f64] {
+pub(super) fn numbers_of_mut<S: Double>(stored: &mut [S::Stored]) -> &mut [f64] {
     bytemuck::cast_slice_mut(stored)
 }
 
@@ -241,13 +257,15 @@ pub(super) fn store<S: Simd, const N: usize>(block: &[Lanes<S>; N], to: &mut [S:
 
 /// `N` numbers, aligned for registers of this size.
 macro_rules! stored {
-    ($name:ident, $lanes:literal, $align:literal) => {
+    ($name:ident, $number:ty, $lanes:literal, $align:literal) => {
         #[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
         #[repr(C, align($align))]
-        pub(super) struct $name(pub [f64; $lanes]);
+        pub(super) struct $name(pub [$number; $lanes]);
     };
 }
 
-stored!(Stored4, 4, 32);
+stored!(Stored4, f64, 4, 32);
 #[cfg(target_arch = "x86_64")]
-stored!(Stored8, 8, 64);
+stored!(Stored8, f64, 8, 64);
+#[cfg(target_arch = "x86_64")]
+stored!(StoredSingle8, f32, 8, 32);

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::network::Network;
-use super::simd::{Simd, numbers_of_mut};
+use super::simd::{Double, Kernel, Lanes, MOST_LANES, numbers_of_mut, store};
 use crate::backends::networks::MODES;
 
 /// The state of a network, and the deformation gradient to reach.
@@ -60,9 +60,24 @@ fn rotation_of(mut matrix: Matrix3<f64>) -> Matrix3<f64> {
     matrix
 }
 
-/// Writes the positions of a network at its start into a lane.
-pub(super) fn write_start<S: Simd>(network: &Network, start: &LaneStart<'_>, lane: usize, positions: &mut [S::Stored]) {
-    let target = Matrix3::from_row_slice(&start.target);
+/// Writes the positions of networks at their starts; lanes without a network are copies of the first one.
+pub(super) fn write_starts<S: Double>(
+    simd: S,
+    network: &Network,
+    starts: &[LaneStart<'_>],
+    positions: &mut [S::Stored],
+) {
+    let mut targets = [[0.0; MOST_LANES]; 9];
+    for lane in 0..S::LANES {
+        let Some(start) = starts.get(lane).or(starts.first()) else { return };
+        targets.iter_mut().zip(start.target).for_each(|(of_lanes, entry)| of_lanes[lane] = entry);
+        write_interior::<S>(network, start, lane, positions);
+    }
+    simd.vectorize(WriteBoundary { network, targets: &targets, positions });
+}
+
+/// Writes the positions of the interior nodes of a network at its start into a lane.
+fn write_interior<S: Double>(network: &Network, start: &LaneStart<'_>, lane: usize, positions: &mut [S::Stored]) {
     let increment = Increment::new(start);
     let numbers = numbers_of_mut::<S>(positions);
     let mut write = |node: usize, x: Vector3<f64>| {
@@ -86,7 +101,30 @@ pub(super) fn write_start<S: Simd>(network: &Network, start: &LaneStart<'_>, lan
         }
         write(place, moved);
     }
-    for (rest, node) in network.boundary.iter().zip(network.interior..) {
-        write(node, target * Vector3::from(*rest));
+}
+
+/// Moves the boundary nodes from rest by the deformation gradients of the lanes, given row by row.
+struct WriteBoundary<'a, S: Double> {
+    network: &'a Network,
+    targets: &'a [[f64; MOST_LANES]; 9],
+    positions: &'a mut [S::Stored],
+}
+
+impl<S: Double> Kernel<S> for WriteBoundary<'_, S> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self, simd: S) {
+        let mut target = [Lanes::splat(simd, 0.0); 9];
+        for k in 0..9 {
+            target[k] = Lanes::of_numbers(simd, &self.targets[k]);
+        }
+        for (rest, node) in self.network.boundary.iter().zip(self.network.interior..) {
+            let mut x = [Lanes::splat(simd, 0.0); 3];
+            for p in 0..3 {
+                x[p] = target[3 * p] * rest[0] + target[3 * p + 1] * rest[1] + target[3 * p + 2] * rest[2];
+            }
+            store(&x, self.positions, node);
+        }
     }
 }

@@ -4,7 +4,7 @@ use super::arrays::Arrays;
 use super::blocks::{Node, Triangle, multiply_symmetric};
 use super::forces::{add_to, stretch_of, subtract_from, vector_and_length};
 use super::network::Network;
-use super::simd::{Kernel, Lanes, Simd, load, numbers_of_mut, store};
+use super::simd::{Double, Kernel, Lanes, load, numbers_of_mut, store};
 use super::triangular::{backward, forward};
 use crate::backends::networks::MODES;
 
@@ -13,7 +13,7 @@ const AT_ONCE: usize = 3;
 
 /// Applies the `k`-th unit strain, in the order 11, 22, 33, 23, 13, 12.
 #[inline(always)]
-pub(super) fn strain<S: Simd>(k: usize, x: &Node<S>) -> Node<S> {
+pub(super) fn strain<S: Double>(k: usize, x: &Node<S>) -> Node<S> {
     let zero = Lanes::splat(x[0].0, 0.0);
     match k {
         0 => [x[0], zero, zero],
@@ -27,7 +27,7 @@ pub(super) fn strain<S: Simd>(k: usize, x: &Node<S>) -> Node<S> {
 
 /// Applies the `w`-th unit rotation.
 #[inline(always)]
-fn spin<S: Simd>(w: usize, x: &Node<S>) -> Node<S> {
+fn spin<S: Double>(w: usize, x: &Node<S>) -> Node<S> {
     let zero = Lanes::splat(x[0].0, 0.0);
     match w {
         0 => [zero, -x[2], x[1]],
@@ -38,19 +38,19 @@ fn spin<S: Simd>(w: usize, x: &Node<S>) -> Node<S> {
 
 /// Computes the sensitivities of all nodes to the six strains into `modes`; requires the factor of the stiffness and the
 /// stiffness of the fibers.
-pub(super) struct SolveModes<'a, 'b, S: Simd, const C: usize> {
+pub(super) struct SolveModes<'a, 'b, S: Double, const C: usize> {
     pub network: &'a Network,
     pub arrays: &'a mut Arrays<'b, S>,
 }
 
-impl<S: Simd, const C: usize> Kernel<S> for SolveModes<'_, '_, S, C> {
+impl<S: Double, const C: usize> Kernel<S> for SolveModes<'_, '_, S, C> {
     type Output = ();
 
     #[inline(always)]
     fn run(self, simd: S) {
         let Self { network, arrays } = self;
         let Arrays { positions, fibers, diagonal, lower, modes, .. } = arrays;
-        numbers_of_mut::<S>(modes).fill(0.0);
+        numbers_of_mut::<S>(&mut modes[..3 * MODES * network.interior]).fill(0.0);
         for (number, fiber) in network.fibers.iter().enumerate() {
             let [a, b] = fiber.ends.map(|node| node as usize);
             if a >= network.interior && b >= network.interior {
@@ -73,16 +73,19 @@ impl<S: Simd, const C: usize> Kernel<S> for SolveModes<'_, '_, S, C> {
         for node in 0..network.nodes {
             let x: Node<S> = load(simd, positions, node);
             for mode in 0..MODES {
-                let affine = strain(mode, &x);
-                let v: Node<S> = load(simd, modes, MODES * node + mode);
-                store(&[affine[0] - v[0], affine[1] - v[1], affine[2] - v[2]], modes, MODES * node + mode);
+                let mut moved = strain(mode, &x);
+                if node < network.interior {
+                    let v: Node<S> = load(simd, modes, MODES * node + mode);
+                    moved = [moved[0] - v[0], moved[1] - v[1], moved[2] - v[2]];
+                }
+                store(&moved, modes, MODES * node + mode);
             }
         }
     }
 }
 
 /// The products of sensitivities of a group of networks.
-pub(super) struct Products<S: Simd> {
+pub(super) struct Products<S: Double> {
     /// Those of the positions for six strains and three rotations (rows) with those of the forces for six strains.
     pub form: [[Lanes<S>; MODES]; MODES + 3],
     /// Norm of the force sensitivities at interior nodes over that at all nodes.
@@ -90,19 +93,19 @@ pub(super) struct Products<S: Simd> {
 }
 
 /// Computes the products of sensitivities from `modes`.
-pub(super) struct ComputeProducts<'a, 'b, S: Simd> {
+pub(super) struct ComputeProducts<'a, 'b, S: Double> {
     pub network: &'a Network,
     pub arrays: &'a mut Arrays<'b, S>,
 }
 
-impl<S: Simd> Kernel<S> for ComputeProducts<'_, '_, S> {
+impl<S: Double> Kernel<S> for ComputeProducts<'_, '_, S> {
     type Output = Products<S>;
 
     #[inline(always)]
     fn run(self, simd: S) -> Products<S> {
         let Self { network, arrays } = self;
         let Arrays { positions, fibers, modes, loads, .. } = arrays;
-        numbers_of_mut::<S>(loads).fill(0.0);
+        numbers_of_mut::<S>(&mut loads[..3 * MODES * network.nodes]).fill(0.0);
         for (number, fiber) in network.fibers.iter().enumerate() {
             let [a, b] = fiber.ends.map(|node| node as usize);
             let block: Triangle<S> = load(simd, fibers, number);
@@ -148,17 +151,17 @@ impl<S: Simd> Kernel<S> for ComputeProducts<'_, '_, S> {
 }
 
 #[inline(always)]
-fn dot<S: Simd>(a: &Node<S>, b: &Node<S>) -> Lanes<S> {
+fn dot<S: Double>(a: &Node<S>, b: &Node<S>) -> Lanes<S> {
     a[0].mul_add(b[0], a[1].mul_add(b[1], a[2] * b[2]))
 }
 
 /// Computes the stress without its scale: the sum over boundary nodes of force times reference position, row by row.
-pub(super) struct Stress<'a, 'b, S: Simd> {
+pub(super) struct Stress<'a, 'b, S: Double> {
     pub network: &'a Network,
     pub arrays: &'a Arrays<'b, S>,
 }
 
-impl<S: Simd> Kernel<S> for Stress<'_, '_, S> {
+impl<S: Double> Kernel<S> for Stress<'_, '_, S> {
     type Output = [Lanes<S>; 9];
 
     #[inline(always)]
@@ -178,13 +181,13 @@ impl<S: Simd> Kernel<S> for Stress<'_, '_, S> {
 }
 
 /// Computes the energy of all fibers of the lanes in which `counts` is 1; the others have that of a network at rest.
-pub(super) struct Energy<'a, 'b, S: Simd> {
+pub(super) struct Energy<'a, 'b, S: Double> {
     pub network: &'a Network,
     pub arrays: &'a Arrays<'b, S>,
     pub counts: Lanes<S>,
 }
 
-impl<S: Simd> Kernel<S> for Energy<'_, '_, S> {
+impl<S: Double> Kernel<S> for Energy<'_, '_, S> {
     type Output = Lanes<S>;
 
     #[inline(always)]

@@ -6,22 +6,41 @@ use super::blocks::{
 };
 use super::factor::{inner, pairs_of};
 use super::network::Network;
-use super::simd::{Kernel, Lanes, Simd, load, store};
+use super::simd::{Double, Kernel, Lanes, Simd, load, store};
 use crate::backends::networks::Schedule;
 
 /// Solves `L^T x = y` for `direction`.
-pub(super) struct SolveDirection<'a, 'b, S: Simd, const C: usize> {
+pub(super) struct SolveDirection<'a, 'b, S: Double, const C: usize> {
     pub network: &'a Network,
     pub arrays: &'a mut Arrays<'b, S>,
 }
 
-impl<S: Simd, const C: usize> Kernel<S> for SolveDirection<'_, '_, S, C> {
+impl<S: Double, const C: usize> Kernel<S> for SolveDirection<'_, '_, S, C> {
     type Output = ();
 
     #[inline(always)]
     fn run(self, simd: S) {
         let Arrays { diagonal, lower, direction, .. } = self.arrays;
         backward::<S, C, 1, 1>(simd, &self.network.schedule, (diagonal, lower), direction);
+    }
+}
+
+/// Solves `L L^T x = b` in place.
+pub(super) struct SolveBoth<'a, S: Simd, const C: usize> {
+    pub schedule: &'a Schedule,
+    pub diagonal: &'a [S::Stored],
+    pub lower: &'a [S::Stored],
+    pub right: &'a mut [S::Stored],
+}
+
+impl<S: Simd, const C: usize> Kernel<S> for SolveBoth<'_, S, C> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self, simd: S) {
+        let Self { schedule, diagonal, lower, right } = self;
+        forward::<S, C, 1, 1>(simd, schedule, (diagonal, lower), right);
+        backward::<S, C, 1, 1>(simd, schedule, (diagonal, lower), right);
     }
 }
 

@@ -1,10 +1,10 @@
 //! [`Simd`] for AVX2 and AVX-512. Both perform the same operations on each lane, with fused multiply-adds, and therefore
-//! give bitwise identical results.
+//! give bitwise identical results in double precision.
 
 use pulp::x86::{V3, V4};
-use pulp::{NullaryFnOnce, b8, cast, f64x4, f64x8, m64x4, u64x4, u64x8};
+use pulp::{NullaryFnOnce, b8, cast, f32x8, f64x4, f64x8, m64x4, u64x4, u64x8};
 
-use super::simd::{Kernel, Simd, Stored4, Stored8};
+use super::simd::{Double, Kernel, MOST_LANES, Simd, Stored4, Stored8, StoredSingle8};
 use crate::backends::networks::TileShape;
 
 struct With<S, K>(S, K);
@@ -19,10 +19,9 @@ impl<S: Simd, K: Kernel<S>> NullaryFnOnce for With<S, K> {
 }
 
 macro_rules! lanes {
-    ($simd:ty, $lanes:literal, $columns:literal, $rows:literal, $floats:ty, $mask:ty, $stored:ident, $bits:ty,
-     $splat:ident, $add:ident, $sub:ident, $mul:ident, $div:ident, $mul_add:ident, $negate_mul_add:ident, $sqrt:ident,
-     $abs:ident, $less:ident, $less_or_equal:ident, $select:ident,
-     $splat_bits:ident, $add_bits:ident, $shift_bits:ident) => {
+    ($simd:ty, $instructions:ty, $number:ty, $lanes:literal, $columns:literal, $rows:literal, $floats:ty, $mask:ty,
+     $stored:ident, $splat:ident, $add:ident, $sub:ident, $mul:ident, $div:ident, $mul_add:ident, $negate_mul_add:ident, $sqrt:ident,
+     $abs:ident, $less:ident, $less_or_equal:ident, $select:ident) => {
         impl Simd for $simd {
             type Floats = $floats;
             type Mask = $mask;
@@ -33,12 +32,12 @@ macro_rules! lanes {
 
             #[inline(always)]
             fn vectorize<K: Kernel<Self>>(self, kernel: K) -> K::Output {
-                <$simd>::vectorize(self, With(self, kernel))
+                <$instructions>::vectorize(self.into(), With(self, kernel))
             }
 
             #[inline(always)]
             fn splat(self, value: f64) -> $floats {
-                self.$splat(value)
+                <$instructions>::from(self).$splat(value as $number)
             }
 
             #[inline(always)]
@@ -53,77 +52,92 @@ macro_rules! lanes {
 
             #[inline(always)]
             fn add(self, a: $floats, b: $floats) -> $floats {
-                self.$add(a, b)
+                <$instructions>::from(self).$add(a, b)
             }
 
             #[inline(always)]
             fn sub(self, a: $floats, b: $floats) -> $floats {
-                self.$sub(a, b)
+                <$instructions>::from(self).$sub(a, b)
             }
 
             #[inline(always)]
             fn mul(self, a: $floats, b: $floats) -> $floats {
-                self.$mul(a, b)
+                <$instructions>::from(self).$mul(a, b)
             }
 
             #[inline(always)]
             fn div(self, a: $floats, b: $floats) -> $floats {
-                self.$div(a, b)
+                <$instructions>::from(self).$div(a, b)
             }
 
             #[inline(always)]
             fn mul_add(self, a: $floats, b: $floats, c: $floats) -> $floats {
-                self.$mul_add(a, b, c)
+                <$instructions>::from(self).$mul_add(a, b, c)
             }
 
             #[inline(always)]
             fn negate_mul_add(self, a: $floats, b: $floats, c: $floats) -> $floats {
-                self.$negate_mul_add(a, b, c)
+                <$instructions>::from(self).$negate_mul_add(a, b, c)
             }
 
             #[inline(always)]
             fn sqrt(self, a: $floats) -> $floats {
-                self.$sqrt(a)
+                <$instructions>::from(self).$sqrt(a)
             }
 
             #[inline(always)]
             fn abs(self, a: $floats) -> $floats {
-                self.$abs(a)
+                <$instructions>::from(self).$abs(a)
             }
 
             #[inline(always)]
             fn less(self, a: $floats, b: $floats) -> $mask {
-                self.$less(a, b)
+                <$instructions>::from(self).$less(a, b)
             }
 
             #[inline(always)]
             fn less_or_equal(self, a: $floats, b: $floats) -> $mask {
-                self.$less_or_equal(a, b)
+                <$instructions>::from(self).$less_or_equal(a, b)
             }
 
             #[inline(always)]
             fn select(self, mask: $mask, a: $floats, b: $floats) -> $floats {
-                self.$select(mask, a, b)
+                <$instructions>::from(self).$select(mask, a, b)
             }
 
             #[inline(always)]
-            fn power_of_two(self, bits: $floats, offset: u64) -> $floats {
-                let bits: $bits = cast(bits);
-                cast(self.$shift_bits::<52>(self.$add_bits(bits, self.$splat_bits(offset))))
+            fn numbers(stored: &$stored) -> [f64; MOST_LANES] {
+                let mut numbers = [0.0; MOST_LANES];
+                for (number, &of_lane) in numbers.iter_mut().zip(&stored.0) {
+                    *number = of_lane.into();
+                }
+                numbers
             }
         }
     };
 }
 
+/// Eight lanes of single precision, in half a register of AVX-512.
+#[derive(Clone, Copy)]
+pub(super) struct Single(V4);
+
+impl From<Single> for V4 {
+    #[inline(always)]
+    fn from(single: Single) -> Self {
+        single.0
+    }
+}
+
 lanes!(
     V3,
+    V3,
+    f64,
     4,
     1,
     1,
     f64x4,
     m64x4,
     Stored4,
-    u64x4,
     splat_f64x4,
     add_f64x4,
     sub_f64x4,
@@ -135,20 +149,18 @@ lanes!(
     abs_f64x4,
     cmp_lt_f64x4,
     cmp_le_f64x4,
-    select_f64x4,
-    splat_u64x4,
-    wrapping_add_u64x4,
-    shl_const_u64x4
+    select_f64x4
 );
 lanes!(
     V4,
+    V4,
+    f64,
     8,
     2,
     1,
     f64x8,
     b8,
     Stored8,
-    u64x8,
     splat_f64x8,
     add_f64x8,
     sub_f64x8,
@@ -160,8 +172,83 @@ lanes!(
     abs_f64x8,
     cmp_lt_f64x8,
     cmp_le_f64x8,
-    select_f64x8,
-    splat_u64x8,
-    wrapping_add_u64x8,
-    shl_const_u64x8
+    select_f64x8
 );
+lanes!(
+    Single,
+    V4,
+    f32,
+    8,
+    2,
+    1,
+    f32x8,
+    b8,
+    StoredSingle8,
+    splat_f32x8,
+    add_f32x8,
+    sub_f32x8,
+    mul_f32x8,
+    div_f32x8,
+    mul_add_f32x8,
+    negate_mul_add_f32x8,
+    sqrt_f32x8,
+    abs_f32x8,
+    cmp_lt_f32x8,
+    cmp_le_f32x8,
+    select_f32x8
+);
+
+/// A register of AVX2 holds eight numbers of single precision, but four networks alternate in memory.
+impl Double for V3 {
+    type Single = Self;
+
+    const HAS_SINGLE: bool = false;
+
+    #[inline(always)]
+    fn single(self) -> Self {
+        self
+    }
+
+    #[inline(always)]
+    fn narrow(self, a: f64x4) -> f64x4 {
+        a
+    }
+
+    #[inline(always)]
+    fn widen(self, a: f64x4) -> f64x4 {
+        a
+    }
+
+    #[inline(always)]
+    fn power_of_two(self, bits: f64x4, offset: u64) -> f64x4 {
+        let bits: u64x4 = cast(bits);
+        cast(self.shl_const_u64x4::<52>(self.wrapping_add_u64x4(bits, self.splat_u64x4(offset))))
+    }
+}
+
+impl Double for V4 {
+    type Single = Single;
+
+    const HAS_SINGLE: bool = true;
+
+    #[inline(always)]
+    fn single(self) -> Single {
+        Single(self)
+    }
+
+    #[inline(always)]
+    fn narrow(self, a: f64x8) -> f32x8 {
+        self.convert_f64x8_to_f32x8(a)
+    }
+
+    #[inline(always)]
+    fn widen(self, a: f32x8) -> f64x8 {
+        self.convert_f32x8_to_f64x8(a)
+    }
+
+    #[inline(always)]
+    fn power_of_two(self, bits: f64x8, offset: u64) -> f64x8 {
+        let bits: u64x8 = cast(bits);
+        cast(self.shl_const_u64x8::<52>(self.wrapping_add_u64x8(bits, self.splat_u64x8(offset))))
+    }
+}

@@ -14,7 +14,7 @@ use crate::fiber::rve::{Rve, RveModel, StressScale};
 use crate::las::conformance::Random;
 use crate::rve_batch::LaneBatch;
 use crate::tissue::materials::{
-    FiberRve, Materials, NetworkAssignment, Region, RegionMaterial, RveLifecycle, RveParams,
+    FiberRve, LaneUse, Materials, NetworkAssignment, Region, RegionMaterial, RveLifecycle, RveParams,
 };
 use crate::tissue::micro_scale::{Activity, RveProgress, TissueField, TissueFieldError, TissueMaterial};
 
@@ -34,7 +34,7 @@ fn field(predictor: bool) -> TissueField<Sparse> {
     };
     let region = Region { name: "*".into(), material: RegionMaterial::FiberRve(rve) };
     let materials =
-        Materials { regions: vec![region], rve: RveParams { predictor, lanes: false, ..RveParams::default() } };
+        Materials { regions: vec![region], rve: RveParams { predictor, lanes: LaneUse::Off, ..RveParams::default() } };
     TissueField::new((), materials, &cuboid([2, 2, 2], [1.0; 3]).unwrap()).unwrap().0
 }
 
