@@ -173,13 +173,16 @@ fn measure(name: &str, network: Network, count: usize) {
     let mut batches: Vec<(&str, LaneBatch)> = Level::all().into_iter().filter_map(with_level).collect();
     let mixed = LaneBatch::new(&model, true).map(LaneBatch::with_single_precision);
     batches.extend(mixed.filter(|batch| batch.lanes().has_single_precision()).map(|batch| ("8 lanes, mixed", batch)));
-    let Some((_, any)) = batches.last() else { return };
+    let Some((_, any)) = batches.first() else { return };
     let operations = any.lanes().operations();
+    let mut memory: Vec<String> =
+        batches.iter().map(|(_, batch)| format!("{:.0}", 1e-3 * batch.lanes().bytes_per_lane() as f64)).collect();
+    memory.dedup();
     println!(
-        "\n{name}: {} unknowns, {fibers} fibers, {:.2} MFLOP a factorization, {count} RVEs; {:.0} kB a lane",
+        "\n{name}: {} unknowns, {fibers} fibers, {:.2} MFLOP a factorization, {count} RVEs; {} kB a lane",
         model.unknowns(),
         1e-6 * operations,
-        1e-3 * any.lanes().bytes_per_lane() as f64
+        memory.join(", mixed ")
     );
     println!(
         "\n| one core | cold /s | warm /s | factorizations | GFLOP/s of them, warm | lanes wait | deviation | left |\n|---|---:|---:|---|---:|---|---|---:|"

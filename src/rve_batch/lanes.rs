@@ -16,8 +16,8 @@ use crate::processor_time::ProcessorTime;
 /// A solver for many RVEs of one model at once, as many as a vector register has lanes; the threads of the current rayon
 /// pool take one group of consecutive RVEs after the other.
 ///
-/// The result of an RVE does not depend on the others, on the number of threads, or on the number of lanes, as long as the
-/// machine has fused multiply-adds.
+/// The result of an RVE does not depend on the others, on the number of threads, or, in double precision, on the number of
+/// lanes, as long as the machine has fused multiply-adds.
 #[derive(Debug)]
 pub struct LaneBatch {
     lanes: NetworkLanes,
@@ -45,7 +45,8 @@ impl LaneBatch {
     }
 
     /// Uses factors of single precision where this machine is faster with them ([`NetworkLanes::use_single_precision`]).
-    /// Results then agree with those of double precision to the tolerance of the equilibria, but not to rounding errors.
+    /// Results then agree with those of double precision to the tolerance of the equilibria, but not to rounding errors. An
+    /// RVE may take another iteration.
     #[must_use]
     pub fn with_single_precision(mut self) -> Self {
         self.lanes.use_single_precision();
@@ -58,8 +59,8 @@ impl LaneBatch {
     /// Returns true if lanes are faster than one RVE after the other, if there are enough RVEs: the machine has fast vectors,
     /// and the factors of all lanes fit into the caches of a core. `docs/kernel.md` has the measurements.
     pub fn is_faster(&self) -> bool {
-        const MOST_OPERATIONS: f64 = 1.0e7;
-        self.lanes.has_vectors() && self.lanes.operations() <= MOST_OPERATIONS
+        let most_operations = if self.lanes.has_single_precision() { 1.0e8 } else { 1.0e7 };
+        self.lanes.has_vectors() && self.lanes.operations() <= most_operations
     }
 
     /// The lanes.

@@ -77,7 +77,7 @@ fn near(found: &[f64], expected: &[f64], tolerance: f64) {
 fn compare(model: &Model, predicts: bool, increments: &[Vec<Matrix3<f64>>]) -> usize {
     let left = solvers(model, predicts).into_iter().map(|(name, mut batch)| {
         println!("{name}");
-        compare_with(&mut *batch, model, predicts, increments)
+        compare_with(&mut *batch, model, predicts, increments, name.ends_with("mixed"))
     });
     let left: Vec<usize> = left.collect();
     assert!(left.iter().all(|&of_batch| of_batch == left[0]), "{left:?}");
@@ -102,7 +102,13 @@ impl BatchProgress for Counted {
     }
 }
 
-fn compare_with(batch: &mut dyn BatchSolver, model: &Model, predicts: bool, increments: &[Vec<Matrix3<f64>>]) -> usize {
+fn compare_with(
+    batch: &mut dyn BatchSolver,
+    model: &Model,
+    predicts: bool,
+    increments: &[Vec<Matrix3<f64>>],
+    is_mixed: bool,
+) -> usize {
     let params = EquilibriumParams::default();
     let count = increments[0].len();
     let mut workspace = Workspace::new(&(), model).unwrap();
@@ -133,7 +139,8 @@ fn compare_with(batch: &mut dyn BatchSolver, model: &Model, predicts: bool, incr
                 continue;
             };
             let mut expected = expected.unwrap();
-            assert_eq!(found.iterations, expected.report().iterations);
+            let most = expected.report().iterations + usize::from(is_mixed);
+            assert!((expected.report().iterations..=most).contains(&found.iterations), "{}", found.iterations);
             assert_eq!(found.backtracks, expected.report().backtracks);
             near(found.pk1.as_slice(), expected.pk1().as_slice(), 1e-9);
             near(&[found.energy], &[expected.energy()], 1e-9);

@@ -239,19 +239,20 @@ pub struct RveParams {
 /// Whether the processor solves RVEs of one network side by side in the lanes of its vector registers, where that is faster.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum LaneUse {
-    /// It solves them one by one.
+    /// One by one.
     Off,
-    /// It does, with results that differ from those one by one by rounding.
+    /// Side by side. Results differ from those one by one by rounding errors.
     #[default]
     Auto,
-    /// It does, and all factors but the last of an equilibrium have single precision where that is faster (with AVX-512).
-    /// Results differ within the tolerance of equilibria.
+    /// Side by side, and on processors with AVX-512, all factors but the last of an equilibrium have single precision.
+    /// Results differ from those one by one within the tolerance of equilibria, and between processors with and without
+    /// AVX-512.
     Mixed,
 }
 
 impl LaneUse {
     /// All of them.
-    pub const ALL: [Self; 3] = [Self::Off, Self::Auto, Self::Mixed];
+    pub const ALL: [Self; 3] = [Self::Auto, Self::Mixed, Self::Off];
 
     /// The name in the case file.
     pub const fn name(self) -> &'static str {

@@ -227,7 +227,7 @@ fn optional_tolerance(table: &mut Table<'_>, key: &'static str) -> Option<f64> {
 
 /// Reads the solver settings of the RVEs.
 pub(super) fn micro(root: &mut Table<'_>) -> RveParams {
-    let lanes = [LaneUse::Auto, LaneUse::Mixed, LaneUse::Off].map(|lanes| (lanes.name(), lanes));
+    let lanes = LaneUse::ALL.map(|lanes| (lanes.name(), lanes));
     root.section("micro", RveParams::default(), |table, default| RveParams {
         tolerance: table.number("tolerance", TOLERANCE).unwrap_or(default.tolerance),
         max_iterations: table.integer("max_iterations", 1..=10_000).unwrap_or(default.max_iterations),

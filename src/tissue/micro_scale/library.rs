@@ -135,9 +135,9 @@ impl<B: RealBackend> Library<B> {
             // The elimination order of lanes is that of the backend `sparse`.
             let may_use = self.lanes != LaneUse::Off && B::NAME == BackendName::Sparse.as_str();
             if may_use && solver.is_none() && count >= LaneBatch::LEAST_RVES {
-                let batch = LaneBatch::new(model, self.predict).filter(LaneBatch::is_faster);
-                let batch =
-                    batch.map(|batch| if self.lanes == LaneUse::Mixed { batch.with_single_precision() } else { batch });
+                let is_mixed = self.lanes == LaneUse::Mixed;
+                let in_precision = |batch: LaneBatch| if is_mixed { batch.with_single_precision() } else { batch };
+                let batch = LaneBatch::new(model, self.predict).map(in_precision).filter(LaneBatch::is_faster);
                 *solver = batch.map(|batch| Mutex::new(Box::new(batch) as Box<dyn BatchSolver>));
             }
         }

@@ -62,7 +62,8 @@ thread_local! {
     static MEMORY: RefCell<Vec<Entry>> = const { RefCell::new(Vec::new()) };
 }
 
-/// The numbers of entries of the arrays of a network, with these bytes of each number of single precision; 0 without.
+/// The numbers of entries of the arrays of a network. A number of single precision takes `single_bytes` of a lane; 0 if
+/// there are none.
 fn lengths(network: &Network, single_bytes: usize) -> [usize; 10] {
     let Network { interior, nodes, .. } = *network;
     let (fibers, pairs, blocks) = (network.fibers.len(), network.pair_ends.len(), network.schedule.blocks());

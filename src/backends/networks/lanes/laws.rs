@@ -1,4 +1,5 @@
-//! Fiber laws in lanes. The formulas are those of `fiber::law`, without branches that depend on a lane.
+//! Fiber laws in lanes. The formulas are those of `fiber::law`, without branches that depend on a lane; the energy of the
+//! exponential law is a [series](EnergySeries) where this serves.
 
 use super::energy_series::EnergySeries;
 use super::simd::{Double, Lanes};
@@ -69,8 +70,8 @@ impl Law {
     /// Returns the energy of a fiber per reference volume.
     #[inline(always)]
     pub fn energy<S: Double>(&self, stretch: Lanes<S>) -> Lanes<S> {
-        let energy = self.energy_in_tension(stretch);
-        let Some([residual, strain, inverse_strain]) = self.buckling else { return energy };
+        let Some([residual, strain, inverse_strain]) = self.buckling else { return self.energy_in_tension(stretch) };
+        let energy = self.energy_in_tension(at_least(stretch, 1.0));
         let lost = 1.0 - residual;
         let x = (1.0 - stretch) * inverse_strain;
         let inside = at_most(x, 1.0);

@@ -72,7 +72,7 @@ impl Network {
     }
 }
 
-/// Returns the typical stiffness of a fiber; 1 if it is zero.
+/// Returns the typical stiffness of a fiber; 1 if it is zero or not finite.
 fn typical_stiffness(network: &NetworkData) -> f64 {
     let ratios = network.areas.iter().zip(&network.lengths).map(|(area, length)| area / length);
     let modulus = network.laws.iter().map(|law| law.numbers()[1]).fold(0.0, f64::max);

@@ -7,7 +7,7 @@ use super::arrays::Arrays;
 use super::forces::{Evaluate, Forces};
 use super::network::Network;
 use super::phases::{Clock, Phase};
-use super::simd::{Double, Kernel, Lanes, MOST_LANES, load, numbers_of, store};
+use super::simd::{Double, Kernel, Lanes, MOST_LANES, load, numbers_of, numbers_of_mut, store};
 use super::single;
 use super::triangular::SolveDirection;
 use crate::backends::networks::{BatchParams, Status};
@@ -295,18 +295,48 @@ impl<S: Double> Newton<'_, '_, '_, S> {
         }
     }
 
-    /// Computes the directions of the lanes that are not in equilibrium with factors of single precision.
+    /// Computes the directions of the lanes that are not in equilibrium, with factors of single precision where these
+    /// serve.
     fn single_direction<const C: usize, const R: usize>(&mut self, courses: &mut [Course]) {
-        let mut residuals = [0.0; MOST_LANES];
-        courses.iter().zip(&mut residuals).for_each(|(course, residual)| *residual = course.residual);
+        let mut residuals = [None; MOST_LANES];
+        for (course, residual) in courses.iter().zip(&mut residuals) {
+            let searches = course.runs() && !course.has_converged(self.params, false);
+            *residual = searches.then_some(course.residual);
+        }
         let found = single::direction::<S, C, R>(self.simd, self.network, self.arrays, &residuals);
+        let fails = |lane: usize| residuals[lane].is_some() && !found.is_accurate[lane];
+        let failed: [bool; MOST_LANES] = std::array::from_fn(fails);
+        let double = failed.contains(&true).then(|| self.double_direction::<C, R>(failed));
         self.clock.end(Phase::Factor);
-        for (lane, course) in courses.iter_mut().enumerate() {
-            if course.runs() && !course.has_converged(self.params, false) {
-                let ratio = found.smallest[lane] / found.largest[lane];
-                course.begin(self.params, false, found.is_accurate[lane], ratio, self.network.interior == 0);
+        for (lane, course) in courses.iter_mut().enumerate().filter(|(lane, _)| residuals[*lane].is_some()) {
+            let (positive, ratio) = match &double {
+                Some((positive, ratios)) if failed[lane] => (positive[lane], ratios[lane]),
+                _ => (true, found.ratios[lane]),
+            };
+            course.begin(self.params, false, positive, ratio, false);
+        }
+    }
+
+    /// Computes the directions of these lanes with factors of double precision, and keeps those of the others. Returns
+    /// whether the pivots of each lane are positive, and the ratio of the smallest to the largest.
+    fn double_direction<const C: usize, const R: usize>(
+        &mut self,
+        of_lanes: [bool; MOST_LANES],
+    ) -> ([bool; MOST_LANES], [f64; MOST_LANES]) {
+        let Self { simd, network, .. } = *self;
+        let pivots = simd.vectorize(self.arrays.factor::<C, R>(network));
+        simd.vectorize(SolveDirection::<S, C> { network, arrays: self.arrays });
+        let entries = self.arrays.direction.len();
+        let (found, direction) = (numbers_of_mut::<S>(&mut self.arrays.modes[..entries]), &*self.arrays.direction);
+        let lanes = found.chunks_exact_mut(S::LANES).zip(numbers_of::<S>(direction).chunks_exact(S::LANES));
+        for (found, direction) in lanes {
+            for lane in (0..S::LANES).filter(|&lane| of_lanes[lane]) {
+                found[lane] = direction[lane];
             }
         }
+        let (smallest, largest) = (pivots.smallest.numbers(), pivots.largest.numbers());
+        let positive = pivots.positive.numbers().map(|positive| positive != 0.0);
+        (positive, std::array::from_fn(|lane| smallest[lane] / largest[lane]))
     }
 
     /// Moves the lanes along their directions, by step lengths that their line searches accept.

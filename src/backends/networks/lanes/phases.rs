@@ -9,7 +9,8 @@ pub enum Phase {
     Start,
     /// Forces and stiffness of the fibers, and their sums at the nodes.
     Forces,
-    /// Factorization of the stiffness, with the forward substitution of the residual.
+    /// Factorization of the stiffness, with the forward substitution of the residual; in mixed precision, also the backward
+    /// substitution and the corrections of the direction.
     Factor,
     /// Backward substitution, line search without its forces, and decisions.
     Step,
@@ -24,7 +25,7 @@ impl Phase {
     pub const ALL: [Self; 6] = [Self::Start, Self::Forces, Self::Factor, Self::Step, Self::Tangent, Self::End];
 }
 
-/// Seconds by phase, summed over all groups that a thread has solved.
+/// Seconds by phase, summed over all groups whose solution was given these times.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct PhaseTimes([f64; Phase::ALL.len()]);
 

@@ -114,7 +114,7 @@ impl Simd for Portable {
 impl Double for Portable {
     type Single = Self;
 
-    /// Tests correct directions on any machine, although both precisions are the same.
+    /// Only for tests, on any machine.
     const HAS_SINGLE: bool = cfg!(test);
 
     #[inline(always)]
@@ -124,7 +124,8 @@ impl Double for Portable {
 
     #[inline(always)]
     fn narrow(self, a: [f64; 4]) -> [f64; 4] {
-        a
+        // Twelve bits, so that the directions of small networks need corrections too.
+        a.map(|a| f64::from_bits(a.to_bits() & (u64::MAX << 41)))
     }
 
     #[inline(always)]

@@ -1,8 +1,9 @@
 //! Newton directions by factors of single precision, corrected until the residual of double precision is small.
 //!
-//! A factor of single precision takes half of the time, but leaves about a thousandth of the residual `r - K d`. It
-//! therefore only preconditions the iteration `d += (L L^T)^-1 (r - K d)`, whose residual has double precision. A lane
-//! whose residual is small enough keeps its direction while others are corrected.
+//! A factor of single precision leaves about a thousandth of the residual `r - K d`. It therefore only preconditions the
+//! iteration `d += (L L^T)^-1 (r - K d)`, whose residual has double precision. A lane whose residual is small enough keeps
+//! its direction while others are corrected. Where the factor says nothing about the definiteness of `K`, or the
+//! corrections do not suffice, the caller factors in double precision.
 
 use std::marker::PhantomData;
 
@@ -14,12 +15,15 @@ use super::network::Network;
 use super::simd::{Double, Kernel, Lanes, MOST_LANES, Simd, load, store};
 use super::triangular::{SolveBoth, backward};
 
-/// The residual of a direction, relative to that of the equilibrium, at which it is accurate. Newton's method then converges
-/// as with the exact direction, until the residual is a millionth of the first one or less.
+/// The residual of a direction, relative to `r`, at which it is accurate. The residuals of Newton's method then fall as with
+/// exact directions, but in each iteration at most by this factor.
 const ACCURATE: f64 = 1e-6;
 
-/// Corrections after which a lane gives up.
-const MOST_CORRECTIONS: usize = 8;
+/// Corrections after which the lanes that are not accurate give up.
+const MOST_CORRECTIONS: usize = 4;
+
+/// The ratio of the smallest pivot to the largest one below which rounding in single precision may change its sign.
+const LEAST_RATIO: f64 = 1e-5;
 
 /// The numbers of single precision of a group.
 struct SingleArrays<'a, S: Double> {
@@ -42,20 +46,23 @@ fn single_arrays<'a, S: Double>(network: &Network, free: &'a mut [S::Stored]) ->
     SingleArrays { stiffness, pairs, diagonal, lower, right }
 }
 
-/// The pivots of the lanes, and which of them have an accurate direction.
+/// The outcome of the lanes.
 pub(super) struct SingleDirection {
-    pub smallest: [f64; MOST_LANES],
-    pub largest: [f64; MOST_LANES],
-    /// Whether all pivots of a lane are positive, and its direction is accurate.
+    /// The ratio of the smallest pivot of a lane to the largest one.
+    pub ratios: [f64; MOST_LANES],
+    /// Whether the matrix of a lane is evidently positive definite, and its direction accurate.
     pub is_accurate: [bool; MOST_LANES],
+    /// The corrections of the lane that needed most.
+    #[cfg(test)]
+    pub corrections: usize,
 }
 
-/// Computes the directions `K d = r` of the lanes with these norms of `r`, into the first numbers of `modes`.
+/// Computes the directions `K d = r` of the lanes for which there is a norm of `r`, into the first numbers of `modes`.
 pub(super) fn direction<S: Double, const C: usize, const R: usize>(
     simd: S,
     network: &Network,
     arrays: &mut Arrays<'_, S>,
-    residuals: &[f64; MOST_LANES],
+    residuals: &[Option<f64>; MOST_LANES],
 ) -> SingleDirection {
     let Arrays { stiffness, pairs, direction, modes, loads, .. } = arrays;
     let single = single_arrays::<S>(network, loads);
@@ -63,7 +70,7 @@ pub(super) fn direction<S: Double, const C: usize, const R: usize>(
     let remainder = &mut remainder[..3 * network.interior];
     // The range of single precision is narrow: both sides of the equations are scaled.
     let unit = [1.0 / network.stiffness; MOST_LANES];
-    let of_right = residuals.map(|norm| if norm > 0.0 && norm.is_finite() { 1.0 / norm } else { 1.0 });
+    let of_right = residuals.map(|norm| norm.map_or(1.0, |norm| 1.0 / norm));
     let back: [f64; MOST_LANES] = std::array::from_fn(|lane| unit[lane] / of_right[lane]);
     let narrow = |from: &[S::Stored], to: &mut [<S::Single as Simd>::Stored], factors: &[f64; MOST_LANES]| {
         simd.vectorize(Narrow::<S> { from, to, factors });
@@ -83,30 +90,38 @@ pub(super) fn direction<S: Double, const C: usize, const R: usize>(
     let (diagonal, lower) = (&*single.diagonal, &*single.lower);
     simd.single().vectorize(Backward::<S::Single, C> { network, factor: (diagonal, lower), right: single.right });
     simd.vectorize(Widen::<S> { from: single.right, to: found, factors: &back });
-    let positive = pivots.positive.numbers();
+    let (smallest, largest, positive) =
+        (pivots.smallest.numbers(), pivots.largest.numbers(), pivots.positive.numbers());
+    let ratios: [f64; MOST_LANES] = std::array::from_fn(|lane| smallest[lane] / largest[lane]);
+    let is_definite = |lane: usize| positive[lane] != 0.0 && ratios[lane] >= LEAST_RATIO;
     let mut is_accurate = [false; MOST_LANES];
-    for correction in 0..=MOST_CORRECTIONS {
+    let mut corrections = 0;
+    loop {
         let squares = simd.vectorize(Remainder { network, stiffness, pairs, right: direction, found, remainder });
         let squares = squares.numbers();
         let mut factors = [0.0; MOST_LANES];
-        for lane in 0..S::LANES {
-            is_accurate[lane] |= squares[lane].sqrt() <= ACCURATE * residuals[lane];
-            if !is_accurate[lane] && positive[lane] != 0.0 {
+        for lane in (0..S::LANES).filter(|&lane| is_definite(lane)) {
+            let Some(residual) = residuals[lane] else { continue };
+            is_accurate[lane] |= squares[lane].sqrt() <= ACCURATE * residual;
+            if !is_accurate[lane] {
                 factors[lane] = back[lane];
             }
         }
-        if correction == MOST_CORRECTIONS || factors == [0.0; MOST_LANES] {
+        if corrections == MOST_CORRECTIONS || factors == [0.0; MOST_LANES] {
             break;
         }
+        corrections += 1;
         narrow(remainder, single.right, &of_right);
         let right = &mut *single.right;
         simd.single().vectorize(SolveBoth::<S::Single, C> { schedule: &network.schedule, diagonal, lower, right });
         simd.vectorize(Correct::<S> { from: right, to: found, factors: &factors });
     }
-    for lane in 0..S::LANES {
-        is_accurate[lane] &= positive[lane] != 0.0;
+    SingleDirection {
+        ratios,
+        is_accurate,
+        #[cfg(test)]
+        corrections,
     }
-    SingleDirection { smallest: pivots.smallest.numbers(), largest: pivots.largest.numbers(), is_accurate }
 }
 
 /// Multiplies by the factors of the lanes, and rounds to single precision.
@@ -225,5 +240,99 @@ impl<S: Double> Kernel<S> for Remainder<'_, S> {
             squares += s[0] * s[0] + s[1] * s[1] + s[2] * s[2];
         }
         squares
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::backends::networks::lanes::arrays::with_arrays;
+    use crate::backends::networks::lanes::forces::Evaluate;
+    use crate::backends::networks::lanes::portable::Portable;
+    use crate::backends::networks::lanes::simd::{numbers_of, numbers_of_mut};
+    use crate::backends::networks::lanes::triangular::SolveDirection;
+    use crate::backends::networks::{LawData, LawFormula, NetworkData};
+
+    const SIDE: usize = 5;
+
+    /// Returns a grid of fibers with these moduli along edges and diagonals, 5 % longer than at rest, and the positions of
+    /// its interior nodes.
+    fn grid(youngs_modulus: f64) -> (NetworkData, Vec<[f64; 3]>) {
+        let all: Vec<[usize; 3]> = (0..SIDE.pow(3)).map(|k| [k % SIDE, k / SIDE % SIDE, k / SIDE.pow(2)]).collect();
+        let is_inner = |place: &[usize; 3]| place.iter().all(|&k| k > 0 && k + 1 < SIDE);
+        let (inner, outer): (Vec<[usize; 3]>, Vec<_>) = all.iter().partition(|place| is_inner(place));
+        let nodes = [inner.clone(), outer.clone()].concat();
+        let (mut ends, mut lengths) = (Vec::new(), Vec::new());
+        for (a, from) in nodes.iter().enumerate() {
+            for (b, to) in nodes.iter().enumerate().skip(a + 1) {
+                let square: usize = (0..3).map(|k| from[k].abs_diff(to[k]).pow(2)).sum();
+                if a < inner.len() && square <= 2 {
+                    ends.push([a as u32, b as u32]);
+                    lengths.push((square as f64).sqrt() / 1.05);
+                }
+            }
+        }
+        let position = |place: &[usize; 3]| place.map(|k| k as f64);
+        let fibers = ends.len();
+        let network = NetworkData {
+            interior: inner.len(),
+            boundary: outer.iter().map(position).collect(),
+            ends,
+            lengths,
+            areas: vec![1e-15; fibers],
+            law_of: vec![0; fibers],
+            laws: vec![LawData { formula: LawFormula::Linear { youngs_modulus }, buckling: None }],
+        };
+        (network, inner.iter().map(position).collect())
+    }
+
+    /// Writes the positions, which each lane disturbs in its own way; the lane `crushed` has all nodes near each other.
+    fn write(network: &Network, interior: &[[f64; 3]], crushed: usize, positions: &mut [<Portable as Simd>::Stored]) {
+        let in_order = network.order.iter().map(|&node| interior[node as usize]);
+        let all: Vec<[f64; 3]> = in_order.chain(network.boundary.iter().copied()).collect();
+        let numbers = numbers_of_mut::<Portable>(positions);
+        for (entry, x) in all.as_flattened().iter().enumerate() {
+            for lane in 0..Portable::LANES {
+                let disturbed = x + 0.02 * ((entry * (lane + 3)) as f64).sin();
+                numbers[Portable::LANES * entry + lane] = if lane == crushed { 0.2 * x } else { disturbed };
+            }
+        }
+    }
+
+    /// The directions are those of factors of double precision, whatever the units are; a lane that is not positive
+    /// definite has none, and lanes without a residual cause no corrections.
+    #[test]
+    fn directions_are_those_of_double_precision() {
+        const CRUSHED: usize = 2;
+        for youngs_modulus in [1e-12, 1e7, 1e25] {
+            let (data, interior) = grid(youngs_modulus);
+            let network = Network::new(&data, Portable::TILE);
+            with_arrays::<Portable, ()>(&network, true, |arrays| {
+                write(&network, &interior, CRUSHED, arrays.positions);
+                let forces = Portable.vectorize(Evaluate { network: &network, arrays });
+                let residuals = forces.residual.numbers();
+                let mut wanted = [None; MOST_LANES];
+                (0..Portable::LANES).for_each(|lane| wanted[lane] = Some(residuals[lane]));
+                let all = direction::<_, 1, 1>(Portable, &network, arrays, &wanted);
+                assert_eq!(all.is_accurate[..4], [true, true, false, true]);
+                assert!((1..=3).contains(&all.corrections), "{}", all.corrections);
+                wanted = [None; MOST_LANES];
+                wanted[1] = Some(residuals[1]);
+                let one = direction::<_, 1, 1>(Portable, &network, arrays, &wanted);
+                assert_eq!(one.is_accurate[..4], [false, true, false, false]);
+                assert!(one.corrections <= all.corrections);
+                let entries = 3 * network.interior;
+                let found = numbers_of::<Portable>(&arrays.modes[..entries]).to_vec();
+                Portable.vectorize(arrays.factor::<1, 1>(&network));
+                Portable.vectorize(SolveDirection::<Portable, 1> { network: &network, arrays });
+                let expected = numbers_of::<Portable>(arrays.direction);
+                let of_lane = |numbers: &[f64]| numbers.iter().skip(1).step_by(4).copied().collect::<Vec<_>>();
+                let (found, expected) = (of_lane(&found), of_lane(expected));
+                let size = expected.iter().fold(0.0, |size: f64, x| size.max(x.abs()));
+                for (found, expected) in found.iter().zip(&expected) {
+                    assert!((found - expected).abs() < 1e-5 * size, "{found} {expected}");
+                }
+            });
+        }
     }
 }
