@@ -6,6 +6,7 @@
 //! is the minimum of many repetitions, because other load on the machine can only increase a time.
 
 mod cholmod;
+mod lanes;
 mod memory;
 mod ours;
 mod phases;
@@ -80,6 +81,12 @@ fn compare(name: &str, model: RveModel<biotissue::backends::sparse::Sparse>) {
     let mut system = System::new(name, model, deformation(name));
     phases::print(&mut system);
     let mut contenders: Vec<Box<dyn Contender>> = ours::all(&system);
+    if let Some(lanes) = lanes::SideBySide::<4>::new(&system) {
+        contenders.push(Box::new(lanes));
+    }
+    if let Some(lanes) = lanes::SideBySide::<8>::new(&system) {
+        contenders.push(Box::new(lanes));
+    }
     contenders.push(Box::new(plain_faer::PlainFaer::in_our_order(&system, MODES)));
     contenders.push(Box::new(plain_faer::PlainFaer::new(&system, MODES)));
     for ordering in [cholmod::Ordering::Amd, cholmod::Ordering::Metis] {
@@ -112,7 +119,8 @@ fn compare(name: &str, model: RveModel<biotissue::backends::sparse::Sparse>) {
             let solved = Instant::now();
             contender.solve(MODES, &right, &mut solution);
             let times = [factored - begin, solved - factored, solved.elapsed()];
-            best.iter_mut().zip(times).for_each(|(best, time)| *best = best.min(time.as_secs_f64()));
+            let systems = contender.systems() as f64;
+            best.iter_mut().zip(times).for_each(|(best, time)| *best = best.min(time.as_secs_f64() / systems));
         }
         rounds += 1;
     }

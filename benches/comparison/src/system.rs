@@ -15,6 +15,10 @@ pub trait Contender {
     fn name(&self) -> String;
     /// Predicted number of operations of a factorization.
     fn operations(&self) -> Option<f64>;
+    /// The systems that it factors and solves at once.
+    fn systems(&self) -> usize {
+        1
+    }
     fn factor(&mut self);
     /// Solves for `columns` right-hand sides, stored column by column.
     fn solve(&mut self, columns: usize, right: &[f64], solution: &mut [f64]);
