@@ -12,7 +12,7 @@ use super::blocks::{Node, Triangle, multiply_symmetric};
 use super::factor::{Factor, NegatedSymmetric};
 use super::forces::add_to;
 use super::network::Network;
-use super::simd::{Double, Kernel, Lanes, MOST_LANES, Simd, load, store};
+use super::simd::{Double, Kernel, Lanes, MOST_LANES, Simd, load, numbers_of_mut, store};
 use super::triangular::{SolveBoth, backward};
 
 /// The residual of a direction, relative to `r`, at which it is accurate. The residuals of Newton's method then fall as with
@@ -89,7 +89,8 @@ pub(super) fn direction<S: Double, const C: usize, const R: usize>(
     });
     let (diagonal, lower) = (&*single.diagonal, &*single.lower);
     simd.single().vectorize(Backward::<S::Single, C> { network, factor: (diagonal, lower), right: single.right });
-    simd.vectorize(Widen::<S> { from: single.right, to: found, factors: &back });
+    numbers_of_mut::<S>(found).fill(0.0);
+    simd.vectorize(Correct::<S> { from: single.right, to: found, factors: &back });
     let (smallest, largest, positive) =
         (pivots.smallest.numbers(), pivots.largest.numbers(), pivots.positive.numbers());
     let ratios: [f64; MOST_LANES] = std::array::from_fn(|lane| smallest[lane] / largest[lane]);
@@ -140,26 +141,6 @@ impl<S: Double> Kernel<S> for Narrow<'_, S> {
         for (from, to) in self.from.iter().zip(self.to) {
             let scaled = Lanes::load(simd, from) * factors;
             simd.single().store(simd.narrow(scaled.1), to);
-        }
-    }
-}
-
-/// Multiplies numbers of single precision by the factors of the lanes.
-struct Widen<'a, S: Double> {
-    from: &'a [<S::Single as Simd>::Stored],
-    to: &'a mut [S::Stored],
-    factors: &'a [f64; MOST_LANES],
-}
-
-impl<S: Double> Kernel<S> for Widen<'_, S> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run(self, simd: S) {
-        let factors = Lanes::of_numbers(simd, self.factors);
-        for (from, to) in self.from.iter().zip(self.to) {
-            let wide = Lanes(simd, simd.widen(simd.single().load(from)));
-            (wide * factors).store(to);
         }
     }
 }
@@ -249,7 +230,7 @@ mod tests {
     use crate::backends::networks::lanes::arrays::with_arrays;
     use crate::backends::networks::lanes::forces::Evaluate;
     use crate::backends::networks::lanes::portable::Portable;
-    use crate::backends::networks::lanes::simd::{numbers_of, numbers_of_mut};
+    use crate::backends::networks::lanes::simd::numbers_of;
     use crate::backends::networks::lanes::triangular::SolveDirection;
     use crate::backends::networks::{LawData, LawFormula, NetworkData};
 
