@@ -21,7 +21,7 @@ pub use data::{BatchParams, LawData, LawFormula, NetworkData, NetworkStates};
 pub(super) use plan::Plan;
 pub(super) use result::{MODES, RESULT_LEN};
 pub use result::{NetworkResult, NetworkResults, Status};
-pub(super) use schedule::{NONE, Schedule, TileShape};
+pub(super) use schedule::{NONE, PanelShape, Schedule, TileShape};
 
 /// Most Newton steps of the test whether an equilibrium continues another.
 pub(super) const STEPS_OF_CONTINUATION: u32 = 3;

@@ -98,7 +98,7 @@ pub(super) struct Variant {
 
 /// Returns the kernels of a variant.
 pub(super) fn source(Variant { tile, only_law }: Variant) -> String {
-    let TileShape { columns, rows } = tile;
+    let TileShape { columns, rows, .. } = tile;
     let only_law = only_law.map(|kind| format!("#define ONLY_LAW {kind}\n")).unwrap_or_default();
     format!("#define BLOCK_THREADS {BLOCK_THREADS}\n#define COLUMNS {columns}\n#define ROWS {rows}\n{only_law}{SOURCE}")
 }

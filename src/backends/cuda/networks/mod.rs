@@ -32,7 +32,7 @@ use queue::{Kernel, Memory, Queue};
 
 /// The tiles of the factorization. Of the shapes whose sums fit into the registers, this one was the fastest on an H200;
 /// `docs/cuda.md` has the measurements.
-const TILE: TileShape = TileShape { columns: 3, rows: 2 };
+const TILE: TileShape = TileShape { columns: 3, rows: 2, panels: None };
 
 /// Many networks on a device.
 pub struct NetworkBatch {

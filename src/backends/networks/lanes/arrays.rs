@@ -26,18 +26,16 @@ pub(super) struct Arrays<'a, S: Double> {
     pub lower: &'a mut [S::Stored],
     /// Three of each interior node: the residual, then the direction.
     pub direction: &'a mut [S::Stored],
-    /// Eighteen of each node: the sensitivities to the six strains.
+    /// Eighteen of each interior node: the sensitivities to the six strains.
     pub modes: &'a mut [S::Stored],
-    /// Eighteen of each node: the sensitivities of the forces. Until the end, a factor of single precision may be here.
+    /// Eighteen of each interior node: the sensitivities of the forces. Until the end, a factor of single precision may be
+    /// here.
     pub loads: &'a mut [S::Stored],
 }
 
 impl<S: Double> Arrays<'_, S> {
     /// Factors the stiffness of the last evaluation, and solves `L y = r` for the residual.
-    pub fn factor<'a, const C: usize, const R: usize>(
-        &'a mut self,
-        network: &'a Network,
-    ) -> Factor<'a, S, NegatedSymmetric, C, R> {
+    pub fn factor<'a, const C: usize>(&'a mut self, network: &'a Network) -> Factor<'a, S, NegatedSymmetric, C> {
         let Self { stiffness, pairs, diagonal, lower, direction, .. } = self;
         let schedule = &network.schedule;
         Factor {
@@ -77,8 +75,8 @@ fn lengths(network: &Network, single_bytes: usize) -> [usize; 10] {
         6 * interior,
         9 * (blocks + 1),
         3 * interior,
-        3 * MODES * nodes,
-        single.max(3 * MODES * nodes),
+        3 * MODES * interior,
+        single.max(3 * MODES * interior),
     ]
 }
 

@@ -1,4 +1,7 @@
 //! Operations on 3x3 blocks of lanes, stored row by row; the inverse of a Cholesky factor as xx, yx, yy, zx, zy, zz.
+//!
+//! Sums are added up with the sign changed, `-a + b c + ...` instead of `a - b c - ...`: for a difference, compilers change the
+//! signs of factors, which takes the units of the multiply-adds. The bits are the same.
 
 use super::simd::{Lanes, Simd};
 
@@ -9,49 +12,58 @@ pub(super) type Triangle<S> = [Lanes<S>; 6];
 /// The numbers of a node.
 pub(super) type Node<S> = [Lanes<S>; 3];
 
-/// `sum -= a b^T`
+/// `sum += a b^T`
 #[inline(always)]
-pub(super) fn subtract_product<S: Simd>(sum: &mut Block<S>, a: &Block<S>, b: &Block<S>) {
+pub(super) fn add_product<S: Simd>(sum: &mut Block<S>, a: &Block<S>, b: &Block<S>) {
     for s in 0..3 {
         for p in 0..3 {
-            sum[3 * p].subtract_product(a[3 * p + s], b[s]);
-            sum[3 * p + 1].subtract_product(a[3 * p + s], b[3 + s]);
-            sum[3 * p + 2].subtract_product(a[3 * p + s], b[6 + s]);
+            sum[3 * p].add_product(a[3 * p + s], b[s]);
+            sum[3 * p + 1].add_product(a[3 * p + s], b[3 + s]);
+            sum[3 * p + 2].add_product(a[3 * p + s], b[6 + s]);
         }
     }
 }
 
-/// The lower triangle of `sum -= b b^T`.
+/// The lower triangle of `sum += b b^T`.
 #[inline(always)]
-pub(super) fn subtract_square<S: Simd>(sum: &mut Triangle<S>, b: &Block<S>) {
+pub(super) fn add_square<S: Simd>(sum: &mut Triangle<S>, b: &Block<S>) {
     for s in 0..3 {
-        sum[0].subtract_product(b[s], b[s]);
-        sum[1].subtract_product(b[3 + s], b[s]);
-        sum[2].subtract_product(b[3 + s], b[3 + s]);
-        sum[3].subtract_product(b[6 + s], b[s]);
-        sum[4].subtract_product(b[6 + s], b[3 + s]);
-        sum[5].subtract_product(b[6 + s], b[6 + s]);
+        sum[0].add_product(b[s], b[s]);
+        sum[1].add_product(b[3 + s], b[s]);
+        sum[2].add_product(b[3 + s], b[3 + s]);
+        sum[3].add_product(b[6 + s], b[s]);
+        sum[4].add_product(b[6 + s], b[3 + s]);
+        sum[5].add_product(b[6 + s], b[6 + s]);
     }
 }
 
-/// `y -= b x`
+/// `y += b x`
 #[inline(always)]
-pub(super) fn subtract_image<S: Simd>(y: &mut Node<S>, b: &Block<S>, x: &Node<S>) {
+pub(super) fn add_image<S: Simd>(y: &mut Node<S>, b: &Block<S>, x: &Node<S>) {
     for s in 0..3 {
-        y[0].subtract_product(b[s], x[s]);
-        y[1].subtract_product(b[3 + s], x[s]);
-        y[2].subtract_product(b[6 + s], x[s]);
+        y[0].add_product(b[s], x[s]);
+        y[1].add_product(b[3 + s], x[s]);
+        y[2].add_product(b[6 + s], x[s]);
     }
 }
 
-/// `y -= b^T x`
+/// `y += b^T x`
 #[inline(always)]
-pub(super) fn subtract_transposed_image<S: Simd>(y: &mut Node<S>, b: &Block<S>, x: &Node<S>) {
+pub(super) fn add_transposed_image<S: Simd>(y: &mut Node<S>, b: &Block<S>, x: &Node<S>) {
     for s in 0..3 {
-        y[0].subtract_product(b[3 * s], x[s]);
-        y[1].subtract_product(b[3 * s + 1], x[s]);
-        y[2].subtract_product(b[3 * s + 2], x[s]);
+        y[0].add_product(b[3 * s], x[s]);
+        y[1].add_product(b[3 * s + 1], x[s]);
+        y[2].add_product(b[3 * s + 2], x[s]);
     }
+}
+
+/// Changes the signs.
+#[inline(always)]
+pub(super) fn negated<S: Simd, const N: usize>(mut numbers: [Lanes<S>; N]) -> [Lanes<S>; N] {
+    for k in 0..N {
+        numbers[k] = -numbers[k];
+    }
+    numbers
 }
 
 /// Multiplies the rows of a block by the transpose of the inverse of a factor.

@@ -56,11 +56,11 @@ impl LaneCholesky {
     pub fn new(analysis: &Arc<LaneAnalysis>) -> Self {
         let machine: Box<dyn Machine> = match analysis.level {
             #[cfg(any(test, not(target_arch = "x86_64")))]
-            Level::Portable => Box::new(Factors::<_, 1, 1>::new(Portable, analysis)),
+            Level::Portable => Box::new(Factors::<_, 1>::new(Portable, analysis)),
             #[cfg(target_arch = "x86_64")]
-            Level::Avx2(simd) => Box::new(Factors::<V3, 1, 1>::new(simd, analysis)),
+            Level::Avx2(simd) => Box::new(Factors::<V3, 1>::new(simd, analysis)),
             #[cfg(target_arch = "x86_64")]
-            Level::Avx512(simd) => Box::new(Factors::<V4, 2, 1>::new(simd, analysis)),
+            Level::Avx512(simd) => Box::new(Factors::<V4, 2>::new(simd, analysis)),
         };
         Self { analysis: Arc::clone(analysis), machine }
     }
@@ -134,7 +134,7 @@ trait Machine: Send {
 }
 
 /// The matrices and their factors, as in [`Factor`].
-struct Factors<S: Double, const C: usize, const R: usize> {
+struct Factors<S: Double, const C: usize> {
     simd: S,
     matrix_diagonal: Vec<S::Stored>,
     off_diagonal: Vec<S::Stored>,
@@ -143,7 +143,7 @@ struct Factors<S: Double, const C: usize, const R: usize> {
     right: Vec<S::Stored>,
 }
 
-impl<S: Double, const C: usize, const R: usize> Factors<S, C, R> {
+impl<S: Double, const C: usize> Factors<S, C> {
     fn new(simd: S, LaneAnalysis { schedule, blocks, .. }: &LaneAnalysis) -> Self {
         let (nodes, edges) = (blocks.order.len(), blocks.edges.len());
         let zeros = |len: usize| vec![bytemuck::Zeroable::zeroed(); len];
@@ -165,12 +165,12 @@ fn gather<S: Double>(to: &mut [S::Stored], indices: &[u32], values: &[f64]) {
     }
 }
 
-impl<S: Double, const C: usize, const R: usize> Machine for Factors<S, C, R> {
+impl<S: Double, const C: usize> Machine for Factors<S, C> {
     fn factor(&mut self, LaneAnalysis { schedule, blocks, .. }: &LaneAnalysis, values: &[f64]) -> Vec<LanePivots> {
         gather::<S>(&mut self.matrix_diagonal, &blocks.of_diagonal, values);
         gather::<S>(&mut self.off_diagonal, &blocks.of_edges, values);
         numbers_of_mut::<S>(&mut self.right).fill(0.0);
-        let pivots = self.simd.vectorize(Factor::<S, Full, C, R> {
+        let pivots = self.simd.vectorize(Factor::<S, Full, C> {
             schedule,
             matrix_diagonal: &self.matrix_diagonal,
             off_diagonal: &self.off_diagonal,

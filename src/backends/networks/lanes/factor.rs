@@ -2,9 +2,7 @@
 
 use std::marker::PhantomData;
 
-use super::blocks::{
-    Block, Node, Triangle, multiply_inverse, scale_rows, subtract_image, subtract_product, subtract_square,
-};
+use super::blocks::{Block, Node, Triangle, add_image, add_product, add_square, multiply_inverse, negated, scale_rows};
 use super::simd::{Kernel, Lanes, Simd, load, store};
 use crate::backends::networks::{NONE, Schedule};
 
@@ -59,13 +57,13 @@ pub(super) const fn pairs_of(columns: usize) -> usize {
     columns * (columns - 1) / 2
 }
 
-/// The most columns of a tile, and the pairs of them.
-const MOST_PAIRS: usize = 3;
+/// The most pairs of columns of a tile: those of two columns.
+const MOST_PAIRS: usize = 1;
 
 /// How the blocks of a matrix below its diagonal are stored.
 pub(super) trait OffDiagonal {
-    /// Loads the block of an edge.
-    fn load<S: Simd>(simd: S, from: &[S::Stored], edge: usize) -> Block<S>;
+    /// Loads the negative of the block of an edge.
+    fn load_negative<S: Simd>(simd: S, from: &[S::Stored], edge: usize) -> Block<S>;
 }
 
 /// Nine numbers for each edge, row by row: the block in the row of the node that is eliminated later.
@@ -78,23 +76,22 @@ pub(super) struct NegatedSymmetric;
 #[cfg(feature = "batched")]
 impl OffDiagonal for Full {
     #[inline(always)]
-    fn load<S: Simd>(simd: S, from: &[S::Stored], edge: usize) -> Block<S> {
-        load(simd, from, edge)
+    fn load_negative<S: Simd>(simd: S, from: &[S::Stored], edge: usize) -> Block<S> {
+        negated(load(simd, from, edge))
     }
 }
 
 impl OffDiagonal for NegatedSymmetric {
     #[inline(always)]
-    fn load<S: Simd>(simd: S, from: &[S::Stored], edge: usize) -> Block<S> {
+    fn load_negative<S: Simd>(simd: S, from: &[S::Stored], edge: usize) -> Block<S> {
         let k: Triangle<S> = load(simd, from, edge);
-        let k = [-k[0], -k[1], -k[2], -k[3], -k[4], -k[5]];
         [k[0], k[1], k[3], k[1], k[2], k[4], k[3], k[4], k[5]]
     }
 }
 
-/// Factors the matrices `A = L L^T`, and solves `L y = b` on the way. The schedule has tiles of `C` columns and `R` rows;
+/// Factors the matrices `A = L L^T`, and solves `L y = b` on the way. The schedule has panels, and tiles of `C` columns and one row;
 /// `O` tells how the blocks below the diagonal are stored.
-pub(super) struct Factor<'a, S: Simd, O, const C: usize, const R: usize> {
+pub(super) struct Factor<'a, S: Simd, O, const C: usize> {
     pub schedule: &'a Schedule,
     /// Six numbers of each node: the lower triangle of its diagonal block.
     pub matrix_diagonal: &'a [S::Stored],
@@ -109,129 +106,267 @@ pub(super) struct Factor<'a, S: Simd, O, const C: usize, const R: usize> {
     pub stored: PhantomData<O>,
 }
 
-/// The initial value of a block of the factor.
-#[inline(always)]
-fn start_block<S: Simd, O: OffDiagonal>(simd: S, from: &[S::Stored], edge: u32) -> Block<S> {
-    if edge == NONE { [Lanes::splat(simd, 0.0); 9] } else { O::load(simd, from, edge as usize) }
+/// Where the numbers of a tile are before its updates.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Start {
+    /// In the matrix.
+    Matrix,
+    /// In the factor, because its panel was updated before.
+    Factor,
 }
 
-impl<S: Simd, O: OffDiagonal, const C: usize, const R: usize> Kernel<S> for Factor<'_, S, O, C, R> {
+/// The numbers of a factorization, while it runs.
+struct Numbers<'a, S: Simd, O> {
+    simd: S,
+    matrix_diagonal: &'a [S::Stored],
+    off_diagonal: &'a [S::Stored],
+    diagonal: &'a mut [S::Stored],
+    lower: &'a mut [S::Stored],
+    right: &'a mut [S::Stored],
+    /// The block of zeros.
+    none: usize,
+    stored: PhantomData<O>,
+}
+
+/// The head of a tile in the list of operations.
+#[derive(Clone, Copy)]
+struct Head<'a> {
+    first: usize,
+    count: usize,
+    /// The blocks of the pairs of columns, and their edges.
+    within: &'a [u32],
+}
+
+/// The blocks of a tile on and below the diagonal, and its right-hand side, with the signs changed.
+struct TileSums<S: Simd, const C: usize> {
+    d: [Triangle<S>; C],
+    y: [Node<S>; C],
+    low: [Block<S>; MOST_PAIRS],
+}
+
+/// Takes numbers from the front of a list.
+#[inline(always)]
+fn take<'a>(list: &mut &'a [u32], count: usize) -> &'a [u32] {
+    let (taken, rest) = list.split_at(count);
+    *list = rest;
+    taken
+}
+
+impl<S: Simd, O: OffDiagonal> Numbers<'_, S, O> {
+    /// The negative value of a block before updates.
+    #[inline(always)]
+    fn start(&self, start: Start, block: u32, edge: u32) -> Block<S> {
+        if start == Start::Factor {
+            return load(self.simd, self.lower, if block == NONE { self.none } else { block as usize });
+        }
+        if edge == NONE {
+            [Lanes::splat(self.simd, 0.0); 9]
+        } else {
+            O::load_negative(self.simd, self.off_diagonal, edge as usize)
+        }
+    }
+
+    /// Loads the sums of a tile and adds the updates of the list.
+    #[inline(always)]
+    fn tile<'o, const C: usize>(&self, list: &mut &'o [u32], start: Start) -> (Head<'o>, TileSums<S, C>) {
+        let zero = Lanes::splat(self.simd, 0.0);
+        let header = take(list, 2);
+        let head = Head { first: header[0] as usize, count: header[1] as usize, within: take(list, 2 * pairs_of(C)) };
+        let mut sums = TileSums { d: [[zero; 6]; C], y: [[zero; 3]; C], low: [[zero; 9]; MOST_PAIRS] };
+        let updates = take(list, 1)[0] as usize;
+        let updates = take(list, updates * (1 + C));
+        self.tile_column::<C, 0>(&mut sums, head, updates, start);
+        self.tile_column::<C, 1>(&mut sums, head, updates, start);
+        (head, sums)
+    }
+
+    /// Loads the sums of the column `Q` of a tile and adds the updates. Those of all columns would not fit into the
+    /// registers.
+    #[inline(always)]
+    fn tile_column<const C: usize, const Q: usize>(
+        &self,
+        sums: &mut TileSums<S, C>,
+        head: Head<'_>,
+        updates: &[u32],
+        start: Start,
+    ) {
+        if Q >= C || Q >= head.count {
+            return;
+        }
+        let (simd, node) = (self.simd, head.first + Q);
+        let (mut d, mut y): (Triangle<S>, Node<S>) = match start {
+            Start::Factor => (load(simd, self.diagonal, node), load(simd, self.right, node)),
+            Start::Matrix => (negated(load(simd, self.matrix_diagonal, node)), negated(load(simd, self.right, node))),
+        };
+        let mut low = [[Lanes::splat(simd, 0.0); 9]; MOST_PAIRS];
+        for p in Q + 1..C {
+            let pair = inner(p, Q);
+            low[pair] = self.start(start, head.within[2 * pair], head.within[2 * pair + 1]);
+        }
+        for now in updates.chunks_exact(1 + C) {
+            let before: Node<S> = load(simd, self.right, now[0] as usize);
+            let b: Block<S> = load(simd, self.lower, now[1 + Q] as usize);
+            add_square(&mut d, &b);
+            add_image(&mut y, &b, &before);
+            for p in Q + 1..C {
+                let below: Block<S> = load(simd, self.lower, now[1 + p] as usize);
+                add_product(&mut low[inner(p, Q)], &below, &b);
+            }
+        }
+        (sums.d[Q], sums.y[Q]) = (d, y);
+        for p in Q + 1..C {
+            sums.low[inner(p, Q)] = low[inner(p, Q)];
+        }
+    }
+
+    /// Stores the sums of a tile whose updates are not complete.
+    #[inline(always)]
+    fn keep<const C: usize>(&mut self, head: Head<'_>, sums: &TileSums<S, C>) {
+        for q in 0..C {
+            if q < head.count {
+                store(&sums.d[q], self.diagonal, head.first + q);
+                store(&sums.y[q], self.right, head.first + q);
+            }
+            for p in q + 1..C {
+                self.store_block(head.within[2 * inner(p, q)], &sums.low[inner(p, q)]);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn store_block(&mut self, number: u32, block: &Block<S>) {
+        if number != NONE {
+            store(block, self.lower, number as usize);
+        }
+    }
+
+    /// Loads the sums of a row below a tile and adds the updates of the list; returns also its blocks.
+    #[inline(always)]
+    fn row<'o, const C: usize>(&self, list: &mut &'o [u32], start: Start) -> (&'o [u32], [Block<S>; C]) {
+        let destination = take(list, 2 * C);
+        let mut sums: [Block<S>; C] = [[Lanes::splat(self.simd, 0.0); 9]; C];
+        for q in 0..C {
+            sums[q] = self.start(start, destination[2 * q], destination[2 * q + 1]);
+        }
+        let updates = take(list, 1)[0] as usize;
+        for now in take(list, updates * (C + 1)).chunks_exact(C + 1) {
+            let a: Block<S> = load(self.simd, self.lower, now[C] as usize);
+            for q in 0..C {
+                let b: Block<S> = load(self.simd, self.lower, now[q] as usize);
+                add_product(&mut sums[q], &a, &b);
+            }
+        }
+        (destination, sums)
+    }
+
+    /// Updates a panel by the columns before it. Returns the number of its tiles, and where their numbers are.
+    #[inline(always)]
+    fn update_panel<const C: usize>(&mut self, list: &mut &[u32]) -> (u32, Start) {
+        let header = take(list, 2);
+        let (tiles, steps) = (header[0], header[1]);
+        let mut start = Start::Matrix;
+        for _ in 0..steps {
+            for _ in 0..tiles {
+                let (head, sums) = self.tile::<C>(list, start);
+                self.keep(head, &sums);
+            }
+            for _ in 0..take(list, 1)[0] {
+                let (destination, sums) = self.row::<C>(list, start);
+                for q in 0..C {
+                    self.store_block(destination[2 * q], &sums[q]);
+                }
+            }
+            start = Start::Factor;
+        }
+        (tiles, start)
+    }
+
+    /// Factors a tile, after the updates by columns before its panel.
+    #[inline(always)]
+    fn factor_tile<const C: usize>(&mut self, list: &mut &[u32], start: Start, pivots: &mut Pivots<S>) {
+        let (head, mut sums) = self.tile::<C>(list, start);
+        self.factor_column::<C, 0>(head, &mut sums, pivots);
+        self.factor_column::<C, 1>(head, &mut sums, pivots);
+        for _ in 0..take(list, 1)[0] {
+            let (destination, mut sums) = self.row::<C>(list, start);
+            self.finish_row::<C, 0>(head, destination, &mut sums);
+            self.finish_row::<C, 1>(head, destination, &mut sums);
+        }
+    }
+
+    /// Factors the blocks of the column `Q` of a tile.
+    #[inline(always)]
+    fn factor_column<const C: usize, const Q: usize>(
+        &mut self,
+        head: Head<'_>,
+        TileSums { d, y, low }: &mut TileSums<S, C>,
+        pivots: &mut Pivots<S>,
+    ) {
+        if Q >= C || Q >= head.count {
+            return;
+        }
+        for s in 0..Q {
+            add_square(&mut d[Q], &low[inner(Q, s)]);
+            let before = y[s];
+            add_image(&mut y[Q], &low[inner(Q, s)], &before);
+        }
+        (d[Q], y[Q]) = (negated(d[Q]), negated(y[Q]));
+        pivots.invert(&mut d[Q]);
+        multiply_inverse(&d[Q], &mut y[Q]);
+        store(&d[Q], self.diagonal, head.first + Q);
+        store(&y[Q], self.right, head.first + Q);
+        for p in Q + 1..C {
+            let mut block = low[inner(p, Q)];
+            for s in 0..Q {
+                add_product(&mut block, &low[inner(p, s)], &low[inner(Q, s)]);
+            }
+            scale_rows(&mut block, &negated(d[Q]));
+            low[inner(p, Q)] = block;
+            self.store_block(head.within[2 * inner(p, Q)], &block);
+        }
+    }
+
+    /// Divides a row by the column `Q` of its tile, which is read again because it would take the registers of the sums.
+    #[inline(always)]
+    fn finish_row<const C: usize, const Q: usize>(
+        &mut self,
+        head: Head<'_>,
+        destination: &[u32],
+        sums: &mut [Block<S>; C],
+    ) {
+        if Q >= C || Q >= head.count {
+            return;
+        }
+        for s in 0..Q {
+            let number = head.within[2 * inner(Q, s)];
+            let b: Block<S> = load(self.simd, self.lower, if number == NONE { self.none } else { number as usize });
+            let a = sums[s];
+            add_product(&mut sums[Q], &a, &b);
+        }
+        // The signs of the sums are changed.
+        let inverse: Triangle<S> = negated(load(self.simd, self.diagonal, head.first + Q));
+        scale_rows(&mut sums[Q], &inverse);
+        self.store_block(destination[2 * Q], &sums[Q]);
+    }
+}
+
+impl<S: Simd, O: OffDiagonal, const C: usize> Kernel<S> for Factor<'_, S, O, C> {
     type Output = Pivots<S>;
 
     #[inline(always)]
     fn run(self, simd: S) -> Pivots<S> {
-        let Self { schedule, matrix_diagonal, off_diagonal, diagonal, lower, right, stored: _ } = self;
+        let Self { schedule, matrix_diagonal, off_diagonal, diagonal, lower, right, stored } = self;
         let zero = Lanes::splat(simd, 0.0);
         let none = schedule.blocks();
         store(&[zero; 9], lower, none);
+        let mut numbers = Numbers { simd, matrix_diagonal, off_diagonal, diagonal, lower, right, none, stored };
         let mut pivots =
             Pivots { smallest: Lanes::splat(simd, f64::MAX), largest: zero, positive: Lanes::splat(simd, 1.0) };
-        let mut op = &schedule.factor[..];
-        for _ in 0..schedule.tiles {
-            let (first, count) = (op[0] as usize, op[1] as usize);
-            let within = &op[2..2 + 2 * pairs_of(C)];
-            op = &op[2 + 2 * pairs_of(C)..];
-            // The blocks of the tile on and below the diagonal.
-            let mut d: [Triangle<S>; C] = [[zero; 6]; C];
-            let mut y: [Node<S>; C] = [[zero; 3]; C];
-            let mut low: [Block<S>; MOST_PAIRS] = [[zero; 9]; MOST_PAIRS];
-            for q in 0..C {
-                // Columns that the tile does not have are a copy of the first one, which nothing reads.
-                let node = if q < count { first + q } else { first };
-                d[q] = load(simd, matrix_diagonal, node);
-                y[q] = load(simd, right, node);
-                for p in q + 1..C {
-                    low[inner(p, q)] = start_block::<S, O>(simd, off_diagonal, within[2 * inner(p, q) + 1]);
-                }
-            }
-            let (updates, rest) = (op[0], &op[1..]);
-            op = rest;
-            for _ in 0..updates {
-                let (now, rest) = op.split_at(1 + C);
-                op = rest;
-                let before: Node<S> = load(simd, right, now[0] as usize);
-                let mut b: [Block<S>; C] = [[zero; 9]; C];
-                for q in 0..C {
-                    b[q] = load(simd, lower, now[1 + q] as usize);
-                    subtract_square(&mut d[q], &b[q]);
-                    subtract_image(&mut y[q], &b[q], &before);
-                    for s in 0..q {
-                        subtract_product(&mut low[inner(q, s)], &b[q], &b[s]);
-                    }
-                }
-            }
-            for q in 0..C {
-                if q >= count {
-                    continue;
-                }
-                for s in 0..q {
-                    subtract_square(&mut d[q], &low[inner(q, s)]);
-                    let before = y[s];
-                    subtract_image(&mut y[q], &low[inner(q, s)], &before);
-                }
-                pivots.invert(&mut d[q]);
-                multiply_inverse(&d[q], &mut y[q]);
-                store(&d[q], diagonal, first + q);
-                store(&y[q], right, first + q);
-                for p in q + 1..C {
-                    let mut block = low[inner(p, q)];
-                    for s in 0..q {
-                        subtract_product(&mut block, &low[inner(p, s)], &low[inner(q, s)]);
-                    }
-                    scale_rows(&mut block, &d[q]);
-                    low[inner(p, q)] = block;
-                    let number = within[2 * inner(p, q)];
-                    if number != NONE {
-                        store(&block, lower, number as usize);
-                    }
-                }
-            }
-            // The blocks below the tile.
-            let (groups, rest) = (op[0], &op[1..]);
-            op = rest;
-            for _ in 0..groups {
-                let (destination, rest) = op.split_at(2 * C * R);
-                let (updates, rest) = (rest[0], &rest[1..]);
-                op = rest;
-                let mut sums: [[Block<S>; C]; R] = [[[zero; 9]; C]; R];
-                for r in 0..R {
-                    for q in 0..C {
-                        sums[r][q] = start_block::<S, O>(simd, off_diagonal, destination[2 * (C * r + q) + 1]);
-                    }
-                }
-                for _ in 0..updates {
-                    let (now, rest) = op.split_at(C + R);
-                    op = rest;
-                    for r in 0..R {
-                        let a: Block<S> = load(simd, lower, now[C + r] as usize);
-                        for q in 0..C {
-                            let b: Block<S> = load(simd, lower, now[q] as usize);
-                            subtract_product(&mut sums[r][q], &a, &b);
-                        }
-                    }
-                }
-                // The tile is read again, because its blocks would take the registers of the sums.
-                for q in 0..C {
-                    if q >= count {
-                        continue;
-                    }
-                    let inverse: Triangle<S> = load(simd, diagonal, first + q);
-                    for s in 0..q {
-                        let number = within[2 * inner(q, s)];
-                        let b: Block<S> = load(simd, lower, if number == NONE { none } else { number as usize });
-                        for r in 0..R {
-                            let a = sums[r][s];
-                            subtract_product(&mut sums[r][q], &a, &b);
-                        }
-                    }
-                    for r in 0..R {
-                        scale_rows(&mut sums[r][q], &inverse);
-                        let number = destination[2 * (C * r + q)];
-                        if number != NONE {
-                            store(&sums[r][q], lower, number as usize);
-                        }
-                    }
-                }
+        let (mut of_panels, mut of_tiles) = (&schedule.updates[..], &schedule.factor[..]);
+        for _ in 0..schedule.panels {
+            let (tiles, start) = numbers.update_panel::<C>(&mut of_panels);
+            for _ in 0..tiles {
+                numbers.factor_tile::<C>(&mut of_tiles, start, &mut pivots);
             }
         }
         pivots

@@ -211,11 +211,11 @@ impl NetworkLanes {
         let clock = Clock::new(times);
         match self.level {
             #[cfg(any(test, not(target_arch = "x86_64")))]
-            Level::Portable => self.solve_with::<_, 1, 1>(Portable, starts, params, clock, read),
+            Level::Portable => self.solve_with::<_, 1>(Portable, starts, params, clock, read),
             #[cfg(target_arch = "x86_64")]
-            Level::Avx2(simd) => self.solve_with::<_, 1, 1>(simd, starts, params, clock, read),
+            Level::Avx2(simd) => self.solve_with::<_, 1>(simd, starts, params, clock, read),
             #[cfg(target_arch = "x86_64")]
-            Level::Avx512(simd) => self.solve_with::<_, 2, 1>(simd, starts, params, clock, read),
+            Level::Avx512(simd) => self.solve_with::<_, 2>(simd, starts, params, clock, read),
         }
     }
 
@@ -233,11 +233,11 @@ impl NetworkLanes {
         let params = BatchParams { max_iterations: STEPS_OF_CONTINUATION, ..*params };
         match self.level {
             #[cfg(any(test, not(target_arch = "x86_64")))]
-            Level::Portable => self.continues_with::<_, 1, 1>(Portable, starts, &reached, &params),
+            Level::Portable => self.continues_with::<_, 1>(Portable, starts, &reached, &params),
             #[cfg(target_arch = "x86_64")]
-            Level::Avx2(simd) => self.continues_with::<_, 1, 1>(simd, starts, &reached, &params),
+            Level::Avx2(simd) => self.continues_with::<_, 1>(simd, starts, &reached, &params),
             #[cfg(target_arch = "x86_64")]
-            Level::Avx512(simd) => self.continues_with::<_, 2, 1>(simd, starts, &reached, &params),
+            Level::Avx512(simd) => self.continues_with::<_, 2>(simd, starts, &reached, &params),
         }
     }
 
@@ -248,7 +248,7 @@ impl NetworkLanes {
         assert!(starts.iter().all(|start| start.positions.len() == interior), "a position for each interior node");
     }
 
-    fn continues_with<S: Double, const C: usize, const R: usize>(
+    fn continues_with<S: Double, const C: usize>(
         &self,
         simd: S,
         starts: &[LaneStart<'_>],
@@ -260,12 +260,12 @@ impl NetworkLanes {
             start::write_starts(simd, network, starts, arrays.positions);
             let clock = &mut Clock::new(None);
             let newton = Newton { simd, network, arrays, params, lanes: starts.len(), has_single: false, clock };
-            let courses = newton.run::<C, R>(Some(reached));
+            let courses = newton.run::<C>(Some(reached));
             courses.iter().map(|course| course.status.unwrap_or(Status::Inconclusive)).collect()
         })
     }
 
-    fn solve_with<S: Double, const C: usize, const R: usize>(
+    fn solve_with<S: Double, const C: usize>(
         &self,
         simd: S,
         starts: &[LaneStart<'_>],
@@ -279,7 +279,7 @@ impl NetworkLanes {
             clock.end(Phase::Start);
             let (lanes, has_single) = (starts.len(), self.has_single);
             let newton = Newton { simd, network, arrays, params, lanes, has_single, clock: &mut clock };
-            let courses = newton.run::<C, R>(None);
+            let courses = newton.run::<C>(None);
             let mut results: Vec<[f64; RESULT_LEN]> = courses.iter().map(write_course).collect();
             if courses.iter().any(|course| course.status == Some(Status::Converged)) {
                 condense::<S, C>(simd, network, arrays, params.wants_tangent, &mut results);

@@ -9,6 +9,7 @@ pub(super) const NO_PAIR: u32 = u32::MAX;
 /// A fiber.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Fiber {
+    /// Its nodes, the one that is eliminated first before the other.
     pub ends: [u32; 2],
     /// The pair of interior nodes that it connects, or [`NO_PAIR`].
     pub pair: u32,
@@ -43,7 +44,8 @@ impl Network {
     pub fn new(network: &NetworkData, tile: TileShape) -> Self {
         let plan = Plan::new(network, tile);
         let fiber = |number: usize| {
-            let (ends, length, area) = (plan.ends[number], network.lengths[number], network.areas[number]);
+            let ([a, b], length, area) = (plan.ends[number], network.lengths[number], network.areas[number]);
+            let ends = [a.min(b), a.max(b)];
             Fiber {
                 ends,
                 pair: plan.pair_of(ends).map_or(NO_PAIR, |pair| pair as u32),
@@ -57,7 +59,7 @@ impl Network {
         };
         let mut fibers: Vec<Fiber> = (0..plan.ends.len()).map(fiber).collect();
         // Consecutive fibers share a node, whose sums are then still in the cache.
-        fibers.sort_by_key(|fiber| (fiber.ends[0].min(fiber.ends[1]), fiber.ends[0].max(fiber.ends[1])));
+        fibers.sort_by_key(|fiber| fiber.ends);
         Self {
             interior: network.interior,
             nodes: network.interior + network.boundary.len(),

@@ -244,7 +244,7 @@ impl<S: Double> Newton<'_, '_, '_, S> {
 
     /// Solves with tiles of `C` columns and `R` rows, from the start in the arrays. With `reached`, positions by lane in
     /// the order of elimination, tests instead whether Newton's method leads there.
-    pub fn run<const C: usize, const R: usize>(mut self, reached: Option<&[Vec<[f64; 3]>]>) -> Vec<Course> {
+    pub fn run<const C: usize>(mut self, reached: Option<&[Vec<[f64; 3]>]>) -> Vec<Course> {
         let continues = reached.is_some();
         let Self { simd, network, params, lanes, .. } = self;
         let found = self.evaluate();
@@ -265,12 +265,12 @@ impl<S: Double> Newton<'_, '_, '_, S> {
             // Lanes in equilibrium wait for the others, because only their last factor must have double precision.
             let searches = |course: &Course| course.runs() && !course.has_converged(params, continues);
             if self.has_single && courses.iter().any(searches) {
-                self.single_direction::<C, R>(&mut courses);
+                self.single_direction::<C>(&mut courses);
                 self.search_line(&mut courses, continues);
                 continue;
             }
             // At an equilibrium, the factor shows that it is stable, and serves the tangent.
-            let pivots = simd.vectorize(self.arrays.factor::<C, R>(network));
+            let pivots = simd.vectorize(self.arrays.factor::<C>(network));
             self.clock.end(Phase::Factor);
             let (smallest, largest) = (pivots.smallest.numbers(), pivots.largest.numbers());
             let positive = pivots.positive.numbers();
@@ -297,16 +297,16 @@ impl<S: Double> Newton<'_, '_, '_, S> {
 
     /// Computes the directions of the lanes that are not in equilibrium, with factors of single precision where these
     /// serve.
-    fn single_direction<const C: usize, const R: usize>(&mut self, courses: &mut [Course]) {
+    fn single_direction<const C: usize>(&mut self, courses: &mut [Course]) {
         let mut residuals = [None; MOST_LANES];
         for (course, residual) in courses.iter().zip(&mut residuals) {
             let searches = course.runs() && !course.has_converged(self.params, false);
             *residual = searches.then_some(course.residual);
         }
-        let found = single::direction::<S, C, R>(self.simd, self.network, self.arrays, &residuals);
+        let found = single::direction::<S, C>(self.simd, self.network, self.arrays, &residuals);
         let fails = |lane: usize| residuals[lane].is_some() && !found.is_accurate[lane];
         let failed: [bool; MOST_LANES] = std::array::from_fn(fails);
-        let double = failed.contains(&true).then(|| self.double_direction::<C, R>(failed));
+        let double = failed.contains(&true).then(|| self.double_direction::<C>(failed));
         self.clock.end(Phase::Factor);
         for (lane, course) in courses.iter_mut().enumerate().filter(|(lane, _)| residuals[*lane].is_some()) {
             let (positive, ratio) = match &double {
@@ -319,12 +319,12 @@ impl<S: Double> Newton<'_, '_, '_, S> {
 
     /// Computes the directions of these lanes with factors of double precision, and keeps those of the others. Returns
     /// whether the pivots of each lane are positive, and the ratio of the smallest to the largest.
-    fn double_direction<const C: usize, const R: usize>(
+    fn double_direction<const C: usize>(
         &mut self,
         of_lanes: [bool; MOST_LANES],
     ) -> ([bool; MOST_LANES], [f64; MOST_LANES]) {
         let Self { simd, network, .. } = *self;
-        let pivots = simd.vectorize(self.arrays.factor::<C, R>(network));
+        let pivots = simd.vectorize(self.arrays.factor::<C>(network));
         simd.vectorize(SolveDirection::<S, C> { network, arrays: self.arrays });
         let entries = self.arrays.direction.len();
         let (found, direction) = (numbers_of_mut::<S>(&mut self.arrays.modes[..entries]), &*self.arrays.direction);

@@ -1,7 +1,7 @@
 //! Lanes for machines whose vectors are not known here.
 
 use super::simd::{Double, Kernel, MOST_LANES, Simd, Stored4};
-use crate::backends::networks::TileShape;
+use crate::backends::networks::{PanelShape, TileShape};
 
 /// The version for machines without known vectors: four numbers, on which compilers find the vectors.
 #[derive(Clone, Copy, Debug)]
@@ -27,7 +27,8 @@ impl Simd for Portable {
     type Stored = Stored4;
 
     const LANES: usize = 4;
-    const TILE: TileShape = TileShape { columns: 1, rows: 1 };
+    const TILE: TileShape =
+        TileShape { columns: 1, rows: 1, panels: Some(PanelShape { tiles: 2, depth: 2, least: 2 }) };
 
     #[inline(always)]
     fn vectorize<K: Kernel<Self>>(self, kernel: K) -> K::Output {

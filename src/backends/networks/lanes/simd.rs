@@ -174,6 +174,12 @@ impl<S: Simd> Lanes<S> {
         self.1 = self.0.negate_mul_add(a.1, b.1, self.1);
     }
 
+    /// `self += a b`
+    #[inline(always)]
+    pub fn add_product(&mut self, a: Self, b: Self) {
+        self.1 = self.0.mul_add(a.1, b.1, self.1);
+    }
+
     #[inline(always)]
     pub fn div(self, other: Self) -> Self {
         Self(self.0, self.0.div(self.1, other.1))

@@ -58,7 +58,7 @@ pub(super) struct SingleDirection {
 }
 
 /// Computes the directions `K d = r` of the lanes for which there is a norm of `r`, into the first numbers of `modes`.
-pub(super) fn direction<S: Double, const C: usize, const R: usize>(
+pub(super) fn direction<S: Double, const C: usize>(
     simd: S,
     network: &Network,
     arrays: &mut Arrays<'_, S>,
@@ -78,7 +78,7 @@ pub(super) fn direction<S: Double, const C: usize, const R: usize>(
     narrow(stiffness, single.stiffness, &unit);
     narrow(pairs, single.pairs, &unit);
     narrow(direction, single.right, &of_right);
-    let pivots = simd.single().vectorize(Factor::<S::Single, NegatedSymmetric, C, R> {
+    let pivots = simd.single().vectorize(Factor::<S::Single, NegatedSymmetric, C> {
         schedule: &network.schedule,
         matrix_diagonal: single.stiffness,
         off_diagonal: single.pairs,
@@ -294,17 +294,17 @@ mod tests {
                 let residuals = forces.residual.numbers();
                 let mut wanted = [None; MOST_LANES];
                 (0..Portable::LANES).for_each(|lane| wanted[lane] = Some(residuals[lane]));
-                let all = direction::<_, 1, 1>(Portable, &network, arrays, &wanted);
+                let all = direction::<_, 1>(Portable, &network, arrays, &wanted);
                 assert_eq!(all.is_accurate[..4], [true, true, false, true]);
                 assert!((1..=3).contains(&all.corrections), "{}", all.corrections);
                 wanted = [None; MOST_LANES];
                 wanted[1] = Some(residuals[1]);
-                let one = direction::<_, 1, 1>(Portable, &network, arrays, &wanted);
+                let one = direction::<_, 1>(Portable, &network, arrays, &wanted);
                 assert_eq!(one.is_accurate[..4], [false, true, false, false]);
                 assert!(one.corrections <= all.corrections);
                 let entries = 3 * network.interior;
                 let found = numbers_of::<Portable>(&arrays.modes[..entries]).to_vec();
-                Portable.vectorize(arrays.factor::<1, 1>(&network));
+                Portable.vectorize(arrays.factor::<1>(&network));
                 Portable.vectorize(SolveDirection::<Portable, 1> { network: &network, arrays });
                 let expected = numbers_of::<Portable>(arrays.direction);
                 let of_lane = |numbers: &[f64]| numbers.iter().skip(1).step_by(4).copied().collect::<Vec<_>>();

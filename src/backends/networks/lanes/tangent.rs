@@ -1,7 +1,7 @@
 //! Stress, energy, and the sensitivities for the tangent.
 
 use super::arrays::Arrays;
-use super::blocks::{Node, Triangle, multiply_symmetric};
+use super::blocks::{Block, Node, Triangle, multiply_symmetric};
 use super::forces::{add_to, stretch_of, subtract_from, vector_and_length};
 use super::network::Network;
 use super::simd::{Double, Kernel, Lanes, load, numbers_of_mut, store};
@@ -36,7 +36,7 @@ fn spin<S: Double>(w: usize, x: &Node<S>) -> Node<S> {
     }
 }
 
-/// Computes the sensitivities of all nodes to the six strains into `modes`; requires the factor of the stiffness and the
+/// Computes the sensitivities of interior nodes to the six strains into `modes`; requires the factor of the stiffness and the
 /// stiffness of the fibers.
 pub(super) struct SolveModes<'a, 'b, S: Double, const C: usize> {
     pub network: &'a Network,
@@ -50,19 +50,17 @@ impl<S: Double, const C: usize> Kernel<S> for SolveModes<'_, '_, S, C> {
     fn run(self, simd: S) {
         let Self { network, arrays } = self;
         let Arrays { positions, fibers, diagonal, lower, modes, .. } = arrays;
-        numbers_of_mut::<S>(&mut modes[..3 * MODES * network.interior]).fill(0.0);
+        numbers_of_mut::<S>(modes).fill(0.0);
         for (number, fiber) in network.fibers.iter().enumerate() {
             let [a, b] = fiber.ends.map(|node| node as usize);
-            if a >= network.interior && b >= network.interior {
+            if a >= network.interior {
                 continue;
             }
             let (d, _) = vector_and_length(simd, positions, fiber);
             let block: Triangle<S> = load(simd, fibers, number);
             for mode in 0..MODES {
                 let load_of_end = multiply_symmetric(&block, &strain(mode, &d));
-                if a < network.interior {
-                    subtract_from(simd, modes, MODES * a + mode, &load_of_end);
-                }
+                subtract_from(simd, modes, MODES * a + mode, &load_of_end);
                 if b < network.interior {
                     add_to(simd, modes, MODES * b + mode, &load_of_end);
                 }
@@ -70,15 +68,11 @@ impl<S: Double, const C: usize> Kernel<S> for SolveModes<'_, '_, S, C> {
         }
         forward::<S, C, MODES, AT_ONCE>(simd, &network.schedule, (diagonal, lower), modes);
         backward::<S, C, MODES, AT_ONCE>(simd, &network.schedule, (diagonal, lower), modes);
-        for node in 0..network.nodes {
+        for node in 0..network.interior {
             let x: Node<S> = load(simd, positions, node);
             for mode in 0..MODES {
-                let mut moved = strain(mode, &x);
-                if node < network.interior {
-                    let v: Node<S> = load(simd, modes, MODES * node + mode);
-                    moved = [moved[0] - v[0], moved[1] - v[1], moved[2] - v[2]];
-                }
-                store(&moved, modes, MODES * node + mode);
+                let (affine, v): (_, Node<S>) = (strain(mode, &x), load(simd, modes, MODES * node + mode));
+                store(&[affine[0] - v[0], affine[1] - v[1], affine[2] - v[2]], modes, MODES * node + mode);
             }
         }
     }
@@ -88,7 +82,8 @@ impl<S: Double, const C: usize> Kernel<S> for SolveModes<'_, '_, S, C> {
 pub(super) struct Products<S: Double> {
     /// Those of the positions for six strains and three rotations (rows) with those of the forces for six strains.
     pub form: [[Lanes<S>; MODES]; MODES + 3],
-    /// Norm of the force sensitivities at interior nodes over that at all nodes.
+    /// Norm of the force sensitivities at interior nodes over that at interior nodes and at the ends of fibers on the
+    /// boundary.
     pub imbalance: Lanes<S>,
 }
 
@@ -104,29 +99,17 @@ impl<S: Double> Kernel<S> for ComputeProducts<'_, '_, S> {
     #[inline(always)]
     fn run(self, simd: S) -> Products<S> {
         let Self { network, arrays } = self;
-        let Arrays { positions, fibers, modes, loads, .. } = arrays;
-        numbers_of_mut::<S>(&mut loads[..3 * MODES * network.nodes]).fill(0.0);
-        for (number, fiber) in network.fibers.iter().enumerate() {
-            let [a, b] = fiber.ends.map(|node| node as usize);
-            let block: Triangle<S> = load(simd, fibers, number);
-            for mode in 0..MODES {
-                let of_a: Node<S> = load(simd, modes, MODES * a + mode);
-                let of_b: Node<S> = load(simd, modes, MODES * b + mode);
-                let apart = [of_a[0] - of_b[0], of_a[1] - of_b[1], of_a[2] - of_b[2]];
-                let force = multiply_symmetric(&block, &apart);
-                add_to(simd, loads, MODES * a + mode, &force);
-                subtract_from(simd, loads, MODES * b + mode, &force);
-            }
-        }
         let zero = Lanes::splat(simd, 0.0);
+        numbers_of_mut::<S>(&mut arrays.loads[..3 * MODES * network.interior]).fill(0.0);
+        let (moments, of_boundary) = sum_fibers(simd, network, arrays);
+        let Arrays { positions, modes, loads, .. } = arrays;
         let mut form = [[zero; MODES]; MODES + 3];
-        let (mut interior, mut all) = (zero, zero);
-        for node in 0..network.nodes {
+        let mut of_interior = zero;
+        for node in 0..network.interior {
             let x: Node<S> = load(simd, positions, node);
-            let mut square = zero;
             for l in 0..MODES {
                 let q: Node<S> = load(simd, loads, MODES * node + l);
-                square += dot(&q, &q);
+                of_interior += dot(&q, &q);
                 for k in 0..=l {
                     let v: Node<S> = load(simd, modes, MODES * node + k);
                     form[k][l] += dot(&v, &q);
@@ -135,9 +118,13 @@ impl<S: Double> Kernel<S> for ComputeProducts<'_, '_, S> {
                     form[MODES + w][l] += dot(&spin(w, &x), &q);
                 }
             }
-            all += square;
-            if node < network.interior {
-                interior += square;
+        }
+        for (l, moment) in moments.iter().enumerate() {
+            for k in 0..=l {
+                form[k][l] += strain_product(k, moment);
+            }
+            for w in 0..3 {
+                form[MODES + w][l] += spin_product(w, moment);
             }
         }
         for l in 0..MODES {
@@ -145,8 +132,79 @@ impl<S: Double> Kernel<S> for ComputeProducts<'_, '_, S> {
                 form[l][k] = form[k][l];
             }
         }
+        let all = of_interior + of_boundary;
         let is_zero = all.less_or_equal(zero);
-        Products { form, imbalance: zero.where_or(is_zero, interior.div(all).sqrt()) }
+        Products { form, imbalance: zero.where_or(is_zero, of_interior.div(all).sqrt()) }
+    }
+}
+
+/// Adds the force sensitivities of the fibers to `loads` of interior nodes. Returns for each mode the sum over the ends of
+/// fibers on the boundary of position times force sensitivity, row by row, and the sum of the squares of these sensitivities.
+#[inline(always)]
+fn sum_fibers<S: Double>(simd: S, network: &Network, arrays: &mut Arrays<'_, S>) -> ([Block<S>; MODES], Lanes<S>) {
+    let Arrays { positions, fibers, modes, loads, .. } = arrays;
+    let zero = Lanes::splat(simd, 0.0);
+    let (mut moments, mut squares) = ([[zero; 9]; MODES], zero);
+    for (number, fiber) in network.fibers.iter().enumerate() {
+        let [a, b] = fiber.ends.map(|node| node as usize);
+        let block: Triangle<S> = load(simd, fibers, number);
+        if b < network.interior {
+            for mode in 0..MODES {
+                let of_a: Node<S> = load(simd, modes, MODES * a + mode);
+                let of_b: Node<S> = load(simd, modes, MODES * b + mode);
+                let apart = [of_a[0] - of_b[0], of_a[1] - of_b[1], of_a[2] - of_b[2]];
+                let force = multiply_symmetric(&block, &apart);
+                add_to(simd, loads, MODES * a + mode, &force);
+                subtract_from(simd, loads, MODES * b + mode, &force);
+            }
+            continue;
+        }
+        let mut x: Node<S> = load(simd, positions, b);
+        if a >= network.interior {
+            let of_a: Node<S> = load(simd, positions, a);
+            x = [x[0] - of_a[0], x[1] - of_a[1], x[2] - of_a[2]];
+        }
+        for mode in 0..MODES {
+            let mut apart = strain(mode, &x);
+            if a < network.interior {
+                let of_a: Node<S> = load(simd, modes, MODES * a + mode);
+                apart = [apart[0] - of_a[0], apart[1] - of_a[1], apart[2] - of_a[2]];
+            }
+            let force = multiply_symmetric(&block, &apart);
+            if a < network.interior {
+                subtract_from(simd, loads, MODES * a + mode, &force);
+            }
+            squares += dot(&force, &force);
+            for p in 0..3 {
+                for q in 0..3 {
+                    moments[mode][3 * p + q].add_product(x[p], force[q]);
+                }
+            }
+        }
+    }
+    (moments, squares)
+}
+
+/// Returns the product of the `k`-th unit strain of positions with forces, from the sum of positions times forces.
+#[inline(always)]
+fn strain_product<S: Double>(k: usize, moment: &Block<S>) -> Lanes<S> {
+    match k {
+        0 => moment[0],
+        1 => moment[4],
+        2 => moment[8],
+        3 => moment[7] + moment[5],
+        4 => moment[6] + moment[2],
+        _ => moment[3] + moment[1],
+    }
+}
+
+/// Returns the product of the `w`-th unit rotation of positions with forces, from the sum of positions times forces.
+#[inline(always)]
+fn spin_product<S: Double>(w: usize, moment: &Block<S>) -> Lanes<S> {
+    match w {
+        0 => moment[5] - moment[7],
+        1 => moment[6] - moment[2],
+        _ => moment[1] - moment[3],
     }
 }
 

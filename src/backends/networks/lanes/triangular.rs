@@ -2,7 +2,7 @@
 
 use super::arrays::Arrays;
 use super::blocks::{
-    Block, Node, Triangle, multiply_inverse, multiply_transposed_inverse, subtract_image, subtract_transposed_image,
+    Block, Node, Triangle, add_image, add_transposed_image, multiply_inverse, multiply_transposed_inverse, negated,
 };
 use super::factor::{inner, pairs_of};
 use super::network::Network;
@@ -64,7 +64,8 @@ pub(super) fn forward<S: Simd, const C: usize, const N: usize, const G: usize>(
             let mut sums: [[Node<S>; G]; C] = [[[zero; 3]; G]; C];
             for q in 0..C {
                 for g in 0..G {
-                    sums[q][g] = load(simd, values, N * (if q < count { first + q } else { first }) + c + g);
+                    let node = if q < count { first + q } else { first };
+                    sums[q][g] = negated(load(simd, values, N * node + c + g));
                 }
             }
             for now in updates.chunks_exact(1 + C) {
@@ -75,7 +76,7 @@ pub(super) fn forward<S: Simd, const C: usize, const N: usize, const G: usize>(
                 for q in 0..C {
                     let b: Block<S> = load(simd, lower, now[1 + q] as usize);
                     for g in 0..G {
-                        subtract_image(&mut sums[q][g], &b, &known[g]);
+                        add_image(&mut sums[q][g], &b, &known[g]);
                     }
                 }
             }
@@ -87,10 +88,11 @@ pub(super) fn forward<S: Simd, const C: usize, const N: usize, const G: usize>(
                     let b: Block<S> = load(simd, lower, within[inner(q, s)] as usize);
                     let before = sums[s];
                     for g in 0..G {
-                        subtract_image(&mut sums[q][g], &b, &before[g]);
+                        add_image(&mut sums[q][g], &b, &before[g]);
                     }
                 }
-                let inverse: Triangle<S> = load(simd, diagonal, first + q);
+                // The signs of the sums are changed.
+                let inverse: Triangle<S> = negated(load(simd, diagonal, first + q));
                 for g in 0..G {
                     multiply_inverse(&inverse, &mut sums[q][g]);
                     store(&sums[q][g], values, N * (first + q) + c + g);
@@ -120,7 +122,8 @@ pub(super) fn backward<S: Simd, const C: usize, const N: usize, const G: usize>(
             let mut sums: [[Node<S>; G]; C] = [[[zero; 3]; G]; C];
             for q in 0..C {
                 for g in 0..G {
-                    sums[q][g] = load(simd, values, N * (if q < count { first + q } else { first }) + c + g);
+                    let node = if q < count { first + q } else { first };
+                    sums[q][g] = negated(load(simd, values, N * node + c + g));
                 }
             }
             for now in updates.chunks_exact(1 + C) {
@@ -131,7 +134,7 @@ pub(super) fn backward<S: Simd, const C: usize, const N: usize, const G: usize>(
                 for q in 0..C {
                     let b: Block<S> = load(simd, lower, now[1 + q] as usize);
                     for g in 0..G {
-                        subtract_transposed_image(&mut sums[q][g], &b, &known[g]);
+                        add_transposed_image(&mut sums[q][g], &b, &known[g]);
                     }
                 }
             }
@@ -144,11 +147,12 @@ pub(super) fn backward<S: Simd, const C: usize, const N: usize, const G: usize>(
                         let b: Block<S> = load(simd, lower, within[inner(p, q)] as usize);
                         let after = sums[p];
                         for g in 0..G {
-                            subtract_transposed_image(&mut sums[q][g], &b, &after[g]);
+                            add_transposed_image(&mut sums[q][g], &b, &after[g]);
                         }
                     }
                 }
-                let inverse: Triangle<S> = load(simd, diagonal, first + q);
+                // The signs of the sums are changed.
+                let inverse: Triangle<S> = negated(load(simd, diagonal, first + q));
                 for g in 0..G {
                     multiply_transposed_inverse(&inverse, &mut sums[q][g]);
                     store(&sums[q][g], values, N * (first + q) + c + g);

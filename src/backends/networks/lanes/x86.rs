@@ -5,7 +5,7 @@ use pulp::x86::{V3, V4};
 use pulp::{NullaryFnOnce, b8, cast, f32x8, f64x4, f64x8, m64x4, u64x4, u64x8};
 
 use super::simd::{Double, Kernel, MOST_LANES, Simd, Stored4, Stored8, StoredSingle8};
-use crate::backends::networks::TileShape;
+use crate::backends::networks::{PanelShape, TileShape};
 
 struct With<S, K>(S, K);
 
@@ -18,8 +18,11 @@ impl<S: Simd, K: Kernel<S>> NullaryFnOnce for With<S, K> {
     }
 }
 
+/// Panels are of use to factors larger than the second-level cache.
+const PANELS: Option<PanelShape> = Some(PanelShape { tiles: 8, depth: 16, least: 64 });
+
 macro_rules! lanes {
-    ($simd:ty, $instructions:ty, $number:ty, $lanes:literal, $columns:literal, $rows:literal, $floats:ty, $mask:ty,
+    ($simd:ty, $instructions:ty, $number:ty, $lanes:literal, $columns:literal, $floats:ty, $mask:ty,
      $stored:ident, $splat:ident, $add:ident, $sub:ident, $mul:ident, $div:ident, $mul_add:ident, $negate_mul_add:ident, $sqrt:ident,
      $abs:ident, $less:ident, $less_or_equal:ident, $select:ident) => {
         impl Simd for $simd {
@@ -28,7 +31,7 @@ macro_rules! lanes {
             type Stored = $stored;
 
             const LANES: usize = $lanes;
-            const TILE: TileShape = TileShape { columns: $columns, rows: $rows };
+            const TILE: TileShape = TileShape { columns: $columns, rows: 1, panels: PANELS };
 
             #[inline(always)]
             fn vectorize<K: Kernel<Self>>(self, kernel: K) -> K::Output {
@@ -134,7 +137,6 @@ lanes!(
     f64,
     4,
     1,
-    1,
     f64x4,
     m64x4,
     Stored4,
@@ -157,7 +159,6 @@ lanes!(
     f64,
     8,
     2,
-    1,
     f64x8,
     b8,
     Stored8,
@@ -180,7 +181,6 @@ lanes!(
     f32,
     8,
     2,
-    1,
     f32x8,
     b8,
     StoredSingle8,
