@@ -46,10 +46,18 @@ impl LaneBatch {
 
     /// Uses factors of single precision where this machine is faster with them ([`NetworkLanes::use_single_precision`]).
     /// Results then agree with those of double precision to the tolerance of the equilibria, but not to rounding errors. An
-    /// RVE may take another iteration.
+    /// RVE may take another iteration, or fewer: steps with the factor of an earlier iterate do not count.
     #[must_use]
     pub fn with_single_precision(mut self) -> Self {
         self.lanes.use_single_precision();
+        self
+    }
+
+    /// Like [`LaneBatch::with_single_precision`], with factors that serve several steps also for small networks.
+    #[cfg(test)]
+    pub(super) fn with_chords(mut self) -> Self {
+        self.lanes.use_single_precision();
+        self.lanes.use_chords();
         self
     }
 

@@ -46,6 +46,23 @@ pub(super) fn stretch_of<S: Double>(length: Lanes<S>, fiber: &Fiber) -> Lanes<S>
     remainder.mul_add(inverse, quotient)
 }
 
+/// The geometry of a fiber.
+struct Geometry<S: Double> {
+    /// The direction from the first end to the second, as long as the fiber.
+    d: [Lanes<S>; 3],
+    /// The inverse of the length.
+    inverse: Lanes<S>,
+    stretch: Lanes<S>,
+}
+
+impl<S: Double> Geometry<S> {
+    #[inline(always)]
+    fn new(simd: S, positions: &[S::Stored], fiber: &Fiber) -> Self {
+        let (d, length) = vector_and_length(simd, positions, fiber);
+        Self { d, inverse: Lanes::splat(simd, 1.0).div(length), stretch: stretch_of(length, fiber) }
+    }
+}
+
 impl<S: Double> Kernel<S> for Evaluate<'_, '_, S> {
     type Output = Forces<S>;
 
@@ -58,11 +75,14 @@ impl<S: Double> Kernel<S> for Evaluate<'_, '_, S> {
         }
         let zero = Lanes::splat(simd, 0.0);
         let mut largest = zero;
+        // While the law of a fiber is evaluated, the processor computes the geometry of the next one: each takes long, but
+        // waits most of the time for its own intermediate results.
+        let mut next = network.fibers.first().map(|fiber| Geometry::new(simd, positions, fiber));
         for (number, fiber) in network.fibers.iter().enumerate() {
+            let Some(Geometry { d, inverse, stretch }) = next else { break };
+            next = network.fibers.get(number + 1).map(|fiber| Geometry::new(simd, positions, fiber));
             let law: &Law = &network.laws[fiber.law as usize];
-            let (d, length) = vector_and_length(simd, positions, fiber);
-            let inverse = Lanes::splat(simd, 1.0).div(length);
-            let (stress, slope) = law.stress(stretch_of(length, fiber));
+            let (stress, slope) = law.stress(stretch);
             let force = stress * fiber.area;
             let geometric = force * inverse;
             let material = slope * fiber.area_over_length - geometric;

@@ -54,6 +54,10 @@ use super::{BatchParams, MODES, NetworkData, NetworkResult, RESULT_LEN, STEPS_OF
 /// Interior force sensitivities, relative to those at all nodes, at which the sensitivities are accurate.
 const ACCURATE: f64 = 1e-8;
 
+/// The operations of a factorization from which a step with the factor of an earlier iterate takes less time than one with
+/// a new factor, with all the steps that it costs. `docs/kernel.md` has the measurements.
+const LEAST_OPERATIONS_OF_CHORDS: f64 = 1.0e6;
+
 /// The instructions that the lanes use.
 #[derive(Clone, Copy, Debug)]
 pub enum Level {
@@ -131,6 +135,8 @@ pub struct NetworkLanes {
     network: Network,
     /// Whether factors of single precision serve for all but the last factorization.
     has_single: bool,
+    /// Whether one of them may serve several steps.
+    has_chords: bool,
 }
 
 impl NetworkLanes {
@@ -147,12 +153,12 @@ impl NetworkLanes {
     /// # Panics
     /// As for [`NetworkLanes::new`].
     pub fn with_level(network: &NetworkData, level: Level) -> Self {
-        Self { level, network: Network::new(network, tile_of(level)), has_single: false }
+        Self { level, network: Network::new(network, tile_of(level)), has_single: false, has_chords: false }
     }
 
     /// Uses factors of single precision for the directions of Newton's method, with residuals of double precision; the
-    /// factor that shows that an equilibrium is stable, and serves its tangent, keeps double precision. Changes nothing
-    /// if these instructions are no faster with single precision.
+    /// factor that shows that an equilibrium is stable, and serves its tangent, keeps double precision. A factor serves
+    /// several steps if that is faster. Changes nothing if these instructions are no faster with single precision.
     pub fn use_single_precision(&mut self) {
         self.has_single = match self.level {
             #[cfg(any(test, not(target_arch = "x86_64")))]
@@ -162,6 +168,13 @@ impl NetworkLanes {
             #[cfg(target_arch = "x86_64")]
             Level::Avx512(_) => V4::HAS_SINGLE,
         };
+        self.has_chords = self.has_single && self.operations() >= LEAST_OPERATIONS_OF_CHORDS;
+    }
+
+    /// Lets factors of single precision serve several steps, also those of small networks.
+    #[cfg(test)]
+    pub fn use_chords(&mut self) {
+        self.has_chords = self.has_single;
     }
 
     /// Returns true if factors of single precision serve for the directions of Newton's method.
@@ -259,7 +272,16 @@ impl NetworkLanes {
         with_arrays(network, self.has_single, |arrays| {
             start::write_starts(simd, network, starts, arrays.positions);
             let clock = &mut Clock::new(None);
-            let newton = Newton { simd, network, arrays, params, lanes: starts.len(), has_single: false, clock };
+            let newton = Newton {
+                simd,
+                network,
+                arrays,
+                params,
+                lanes: starts.len(),
+                has_single: false,
+                has_chords: false,
+                clock,
+            };
             let courses = newton.run::<C>(Some(reached));
             courses.iter().map(|course| course.status.unwrap_or(Status::Inconclusive)).collect()
         })
@@ -277,8 +299,10 @@ impl NetworkLanes {
         with_arrays(network, self.has_single, |arrays| {
             start::write_starts(simd, network, starts, arrays.positions);
             clock.end(Phase::Start);
-            let (lanes, has_single) = (starts.len(), self.has_single);
-            let newton = Newton { simd, network, arrays, params, lanes, has_single, clock: &mut clock };
+            let (lanes, clock_of_newton) = (starts.len(), &mut clock);
+            let Self { has_single, has_chords, .. } = *self;
+            let newton =
+                Newton { simd, network, arrays, params, lanes, has_single, has_chords, clock: clock_of_newton };
             let courses = newton.run::<C>(None);
             let mut results: Vec<[f64; RESULT_LEN]> = courses.iter().map(write_course).collect();
             if courses.iter().any(|course| course.status == Some(Status::Converged)) {

@@ -37,7 +37,24 @@ pub(super) struct Course {
     /// The distance from the given equilibrium.
     apart: f64,
     search: Search,
+    reuse: Reuse,
 }
+
+/// What a lane knows of its last factor of single precision.
+#[derive(Clone, Copy, Debug)]
+struct Reuse {
+    /// Whether factors serve more than one step.
+    is_possible: bool,
+    /// Whether it has one.
+    has_factor: bool,
+    /// Whether the last step reduced the residual by [`SHARE`], so that the next one takes the same factor.
+    pays: bool,
+    /// Whether the step that is searched takes the factor of an earlier iterate.
+    is_chord: bool,
+}
+
+/// The share of the residual to which a step must reduce it so that its factor serves the next one (a chord step).
+const SHARE: f64 = 0.1;
 
 /// The line search of one lane.
 #[derive(Clone, Copy, Debug)]
@@ -78,7 +95,7 @@ impl Found {
 }
 
 impl Course {
-    fn new(found: &Found) -> Self {
+    fn new(found: &Found, has_chords: bool) -> Self {
         let &Found { residual, scale, largest } = found;
         Self {
             status: (!found.is_finite()).then_some(Status::NotFinite),
@@ -91,6 +108,7 @@ impl Course {
             recent: [0.0; MEMORY],
             apart: 0.0,
             search: Search::NONE,
+            reuse: Reuse { is_possible: has_chords, has_factor: false, pays: has_chords, is_chord: false },
         }
     }
 
@@ -141,8 +159,24 @@ impl Course {
             }
         }
         self.iterations += 1;
+        self.search_from(params, largest);
+        self.reuse.is_chord = false;
+    }
+
+    fn search_from(&mut self, params: &BatchParams, largest: f64) {
         let limit = self.limit(params);
-        self.search = Search { at: 0.0, step: 1.0, residual, limit, largest, rejected: Some(0) };
+        self.search = Search { at: 0.0, step: 1.0, residual: self.residual, limit, largest, rejected: Some(0) };
+    }
+
+    /// Returns true if the next step takes the factor of an earlier iterate.
+    fn takes_chord(&self) -> bool {
+        self.reuse.has_factor && self.reuse.pays
+    }
+
+    /// Begins a step with the factor of an earlier iterate.
+    fn begin_chord(&mut self, params: &BatchParams) {
+        self.search_from(params, self.residual);
+        self.reuse.is_chord = true;
     }
 
     /// Returns how far the positions move along the direction, and takes the step as made.
@@ -162,9 +196,14 @@ impl Course {
         let Search { step, residual, limit, largest, .. } = self.search;
         let least = if continues { 0.0 } else { limit };
         let allowed = ((1.0 - params.sufficient_decrease * step) * largest).max(least);
-        if found.is_finite() && (found.residual <= allowed || params.max_backtracks == 0) {
+        // A chord step that does not reduce the residual is taken back.
+        let is_back = self.reuse.is_chord && step == 0.0;
+        if found.is_finite() && (found.residual <= allowed || params.max_backtracks == 0 || is_back) {
             (self.residual, self.scale, self.largest) = (found.residual, found.scale, found.largest);
             self.search.rejected = None;
+            self.reuse.pays = self.reuse.is_possible && step == 1.0 && found.residual <= SHARE * residual;
+        } else if self.reuse.is_chord && !is_back {
+            self.search.step = 0.0;
         } else if continues {
             self.status = Some(Status::Inconclusive);
         } else if rejected == params.max_backtracks {
@@ -230,8 +269,9 @@ pub(super) struct Newton<'a, 'b, 'c, S: Double> {
     pub params: &'a BatchParams,
     /// The lanes that have a network.
     pub lanes: usize,
-    /// Whether directions come from factors of single precision.
+    /// Whether directions come from factors of single precision, and whether one of these may serve several steps.
     pub has_single: bool,
+    pub has_chords: bool,
     pub clock: &'a mut Clock<'c>,
 }
 
@@ -246,9 +286,9 @@ impl<S: Double> Newton<'_, '_, '_, S> {
     /// the order of elimination, tests instead whether Newton's method leads there.
     pub fn run<const C: usize>(mut self, reached: Option<&[Vec<[f64; 3]>]>) -> Vec<Course> {
         let continues = reached.is_some();
-        let Self { simd, network, params, lanes, .. } = self;
+        let Self { simd, network, params, lanes, has_chords, .. } = self;
         let found = self.evaluate();
-        let mut courses: Vec<Course> = found[..lanes].iter().map(Course::new).collect();
+        let mut courses: Vec<Course> = found[..lanes].iter().map(|found| Course::new(found, has_chords)).collect();
         if let Some(reached) = reached {
             for (lane, course) in courses.iter_mut().enumerate().filter(|(_, course)| course.runs()) {
                 course.apart = self.distance(lane, &reached[lane]);
@@ -265,7 +305,11 @@ impl<S: Double> Newton<'_, '_, '_, S> {
             // Lanes in equilibrium wait for the others, because only their last factor must have double precision.
             let searches = |course: &Course| course.runs() && !course.has_converged(params, continues);
             if self.has_single && courses.iter().any(searches) {
-                self.single_direction::<C>(&mut courses);
+                if courses.iter().any(|course| searches(course) && course.takes_chord()) {
+                    self.chord_direction::<C>(&mut courses);
+                } else {
+                    self.single_direction::<C>(&mut courses);
+                }
                 self.search_line(&mut courses, continues);
                 continue;
             }
@@ -298,12 +342,13 @@ impl<S: Double> Newton<'_, '_, '_, S> {
     /// Computes the directions of the lanes that are not in equilibrium, with factors of single precision where these
     /// serve.
     fn single_direction<const C: usize>(&mut self, courses: &mut [Course]) {
-        let mut residuals = [None; MOST_LANES];
-        for (course, residual) in courses.iter().zip(&mut residuals) {
+        let (mut residuals, mut rough) = ([None; MOST_LANES], [false; MOST_LANES]);
+        for (lane, course) in courses.iter().enumerate() {
             let searches = course.runs() && !course.has_converged(self.params, false);
-            *residual = searches.then_some(course.residual);
+            residuals[lane] = searches.then_some(course.residual);
+            rough[lane] = course.reuse.pays;
         }
-        let found = single::direction::<S, C>(self.simd, self.network, self.arrays, &residuals);
+        let found = single::direction::<S, C>(self.simd, self.network, self.arrays, &residuals, &rough);
         let fails = |lane: usize| residuals[lane].is_some() && !found.is_accurate[lane];
         let failed: [bool; MOST_LANES] = std::array::from_fn(fails);
         let double = failed.contains(&true).then(|| self.double_direction::<C>(failed));
@@ -314,7 +359,21 @@ impl<S: Double> Newton<'_, '_, '_, S> {
                 _ => (true, found.ratios[lane]),
             };
             course.begin(self.params, false, positive, ratio, false);
+            course.reuse.has_factor = found.is_accurate[lane];
         }
+    }
+
+    /// Computes the directions of the lanes whose last step pays, with the factors that they have. The others wait.
+    fn chord_direction<const C: usize>(&mut self, courses: &mut [Course]) {
+        let mut residuals = [None; MOST_LANES];
+        for (course, residual) in courses.iter_mut().zip(&mut residuals) {
+            if course.runs() && !course.has_converged(self.params, false) && course.takes_chord() {
+                *residual = Some(course.residual);
+                course.begin_chord(self.params);
+            }
+        }
+        single::chord::<S, C>(self.simd, self.network, self.arrays, &residuals);
+        self.clock.end(Phase::Factor);
     }
 
     /// Computes the directions of these lanes with factors of double precision, and keeps those of the others. Returns

@@ -46,6 +46,21 @@ fn single_arrays<'a, S: Double>(network: &Network, free: &'a mut [S::Stored]) ->
     SingleArrays { stiffness, pairs, diagonal, lower, right }
 }
 
+/// The units in which the equations of each lane have single precision, whose range is narrow.
+struct Units {
+    unit: [f64; MOST_LANES],
+    of_right: [f64; MOST_LANES],
+    back: [f64; MOST_LANES],
+}
+
+impl Units {
+    fn of(network: &Network, residuals: &[Option<f64>; MOST_LANES]) -> Self {
+        let unit = [1.0 / network.stiffness; MOST_LANES];
+        let of_right = residuals.map(|norm| norm.map_or(1.0, |norm| 1.0 / norm));
+        Self { unit, of_right, back: std::array::from_fn(|lane| unit[lane] / of_right[lane]) }
+    }
+}
+
 /// The outcome of the lanes.
 pub(super) struct SingleDirection {
     /// The ratio of the smallest pivot of a lane to the largest one.
@@ -58,20 +73,19 @@ pub(super) struct SingleDirection {
 }
 
 /// Computes the directions `K d = r` of the lanes for which there is a norm of `r`, into the first numbers of `modes`.
+/// `rough` lanes do without corrections.
 pub(super) fn direction<S: Double, const C: usize>(
     simd: S,
     network: &Network,
     arrays: &mut Arrays<'_, S>,
     residuals: &[Option<f64>; MOST_LANES],
+    rough: &[bool; MOST_LANES],
 ) -> SingleDirection {
     let Arrays { stiffness, pairs, direction, modes, loads, .. } = arrays;
     let single = single_arrays::<S>(network, loads);
     let (found, remainder) = modes.split_at_mut(3 * network.interior);
     let remainder = &mut remainder[..3 * network.interior];
-    // The range of single precision is narrow: both sides of the equations are scaled.
-    let unit = [1.0 / network.stiffness; MOST_LANES];
-    let of_right = residuals.map(|norm| norm.map_or(1.0, |norm| 1.0 / norm));
-    let back: [f64; MOST_LANES] = std::array::from_fn(|lane| unit[lane] / of_right[lane]);
+    let Units { unit, of_right, back } = Units::of(network, residuals);
     let narrow = |from: &[S::Stored], to: &mut [<S::Single as Simd>::Stored], factors: &[f64; MOST_LANES]| {
         simd.vectorize(Narrow::<S> { from, to, factors });
     };
@@ -95,9 +109,10 @@ pub(super) fn direction<S: Double, const C: usize>(
         (pivots.smallest.numbers(), pivots.largest.numbers(), pivots.positive.numbers());
     let ratios: [f64; MOST_LANES] = std::array::from_fn(|lane| smallest[lane] / largest[lane]);
     let is_definite = |lane: usize| positive[lane] != 0.0 && ratios[lane] >= LEAST_RATIO;
-    let mut is_accurate = [false; MOST_LANES];
+    let mut is_accurate: [bool; MOST_LANES] =
+        std::array::from_fn(|lane| residuals[lane].is_some() && rough[lane] && is_definite(lane));
     let mut corrections = 0;
-    loop {
+    while (0..S::LANES).any(|lane| residuals[lane].is_some() && !is_accurate[lane]) {
         let squares = simd.vectorize(Remainder { network, stiffness, pairs, right: direction, found, remainder });
         let squares = squares.numbers();
         let mut factors = [0.0; MOST_LANES];
@@ -123,6 +138,24 @@ pub(super) fn direction<S: Double, const C: usize>(
         #[cfg(test)]
         corrections,
     }
+}
+
+/// Computes the directions of the lanes for which there is a norm of `r`, with the factors of the last call of
+/// [`direction`], into the first numbers of `modes`.
+pub(super) fn chord<S: Double, const C: usize>(
+    simd: S,
+    network: &Network,
+    arrays: &mut Arrays<'_, S>,
+    residuals: &[Option<f64>; MOST_LANES],
+) {
+    let Arrays { direction, modes, loads, .. } = arrays;
+    let SingleArrays { diagonal, lower, right, .. } = single_arrays::<S>(network, loads);
+    let Units { of_right, back, .. } = Units::of(network, residuals);
+    simd.vectorize(Narrow::<S> { from: direction, to: right, factors: &of_right });
+    simd.single().vectorize(SolveBoth::<S::Single, C> { schedule: &network.schedule, diagonal, lower, right });
+    let found = &mut modes[..3 * network.interior];
+    numbers_of_mut::<S>(found).fill(0.0);
+    simd.vectorize(Correct::<S> { from: right, to: found, factors: &back });
 }
 
 /// Multiplies by the factors of the lanes, and rounds to single precision.
@@ -294,12 +327,12 @@ mod tests {
                 let residuals = forces.residual.numbers();
                 let mut wanted = [None; MOST_LANES];
                 (0..Portable::LANES).for_each(|lane| wanted[lane] = Some(residuals[lane]));
-                let all = direction::<_, 1>(Portable, &network, arrays, &wanted);
+                let all = direction::<_, 1>(Portable, &network, arrays, &wanted, &[false; MOST_LANES]);
                 assert_eq!(all.is_accurate[..4], [true, true, false, true]);
                 assert!((1..=3).contains(&all.corrections), "{}", all.corrections);
                 wanted = [None; MOST_LANES];
                 wanted[1] = Some(residuals[1]);
-                let one = direction::<_, 1>(Portable, &network, arrays, &wanted);
+                let one = direction::<_, 1>(Portable, &network, arrays, &wanted, &[false; MOST_LANES]);
                 assert_eq!(one.is_accurate[..4], [false, true, false, false]);
                 assert!(one.corrections <= all.corrections);
                 let entries = 3 * network.interior;
