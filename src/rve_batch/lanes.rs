@@ -4,7 +4,7 @@ use nalgebra::Matrix3;
 use rayon::prelude::*;
 
 use super::{OfModel, network_data, rows};
-use crate::backends::networks::lanes::{LaneStart, Level, NetworkLanes, PhaseTimes};
+use crate::backends::networks::lanes::{LaneStart, Level, MOST_OPERATIONS, NetworkLanes, PhaseTimes};
 use crate::backends::networks::{BatchParams, Status};
 use crate::fiber::batch::{BatchEquilibrium, BatchProgress, BatchSolver};
 use crate::fiber::equilibrium::EquilibriumParams;
@@ -13,11 +13,11 @@ use crate::las::RealBackend;
 use crate::parallel;
 use crate::processor_time::ProcessorTime;
 
-/// A solver for many RVEs of one model at once, as many as a vector register has lanes; the threads of the current rayon
-/// pool take one group of consecutive RVEs after the other.
+/// A solver for many RVEs of one model at once, as many as a vector register has lanes; the threads of the current
+/// rayon pool take one group of consecutive RVEs after the other.
 ///
-/// The result of an RVE does not depend on the others, on the number of threads, or, in double precision, on the number of
-/// lanes, as long as the machine has fused multiply-adds.
+/// The result of an RVE does not depend on the others, on the number of threads, or, in double precision, on the number
+/// of lanes, as long as the machine has fused multiply-adds.
 #[derive(Debug)]
 pub struct LaneBatch {
     lanes: NetworkLanes,
@@ -26,11 +26,11 @@ pub struct LaneBatch {
 }
 
 impl LaneBatch {
-    /// Makes a solver for RVEs of this model. With `predicts`, a solution keeps the sensitivities of the interior nodes, and
-    /// the next one starts from a first-order prediction.
+    /// Makes a solver for RVEs of this model. With `predicts`, a solution keeps the sensitivities of the interior
+    /// nodes, and the next one starts from a first-order prediction.
     ///
-    /// Returns `None` if a law of the model is a table or a custom law, if an interior node of the network has no fiber, or if
-    /// the machine has no lanes (on x86-64: neither AVX2 nor AVX-512).
+    /// Returns `None` if a law of the model is a table or a custom law, if an interior node of the network has no
+    /// fiber, or if the machine has no lanes (on x86-64: neither AVX2 nor AVX-512).
     pub fn new<B: RealBackend>(model: &RveModel<B>, predicts: bool) -> Option<Self> {
         let lanes = NetworkLanes::new(&network_data(model)?)?;
         Some(Self { lanes, of_model: OfModel::new(model), predicts })
@@ -44,9 +44,10 @@ impl LaneBatch {
         Some(Self { lanes, of_model: OfModel::new(model), predicts })
     }
 
-    /// Uses factors of single precision where this machine is faster with them ([`NetworkLanes::use_single_precision`]).
-    /// Results then agree with those of double precision to the tolerance of the equilibria, but not to rounding errors. An
-    /// RVE may take another iteration, or fewer: steps with the factor of an earlier iterate do not count.
+    /// Uses factors of single precision where this machine is faster with them
+    /// ([`NetworkLanes::use_single_precision`]). Results then agree with those of double precision to the tolerance of
+    /// the equilibria, but not to rounding errors. An RVE may take another iteration, or fewer: steps with the factor
+    /// of an earlier iterate do not count.
     #[must_use]
     pub fn with_single_precision(mut self) -> Self {
         self.lanes.use_single_precision();
@@ -64,11 +65,10 @@ impl LaneBatch {
     /// The RVEs of a body from which it pays to solve them in lanes, even if they are divided among a few ranks.
     pub const LEAST_RVES: usize = 16;
 
-    /// Returns true if lanes are faster than one RVE after the other, if there are enough RVEs: the machine has fast vectors,
-    /// and the factors of all lanes fit into the caches of a core. `docs/kernel.md` has the measurements.
+    /// Returns true if lanes are faster than one RVE after the other, if there are enough RVEs: the machine has fast
+    /// vectors, and a factorization takes at most [`MOST_OPERATIONS`].
     pub fn is_faster(&self) -> bool {
-        let most_operations = if self.lanes.has_single_precision() { 1.0e8 } else { 1.0e7 };
-        self.lanes.has_vectors() && self.lanes.operations() <= most_operations
+        self.lanes.has_vectors() && self.lanes.operations() <= MOST_OPERATIONS
     }
 
     /// The lanes.
@@ -157,7 +157,7 @@ impl LaneBatch {
             let sensitivities = self.predicts.then_some(&sensitivities[..]);
             rves[number].replace(&targets[number], &positions, sensitivities);
         }
-        // Each evaluates its forces once more than it has iterations.
+        // Each evaluates its forces once more than it has iterations, without the steps that take an earlier factor.
         let work = |solved: &BatchEquilibrium| (1 + solved.iterations) as f64;
         let (seconds, sum) = (start.seconds(), solved.iter().flatten().map(work).sum::<f64>());
         solved.iter_mut().flatten().for_each(|solved| solved.seconds = Some(seconds * work(solved) / sum));

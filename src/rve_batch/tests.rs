@@ -1,5 +1,5 @@
-//! Batches against the equilibria of single RVEs: lanes with all instructions of the machine, and the kernels for graphics
-//! processors, executed on the processor.
+//! Batches against the equilibria of single RVEs: lanes with all instructions of the machine, and the kernels for
+//! graphics processors, executed on the processor.
 
 use std::ops::RangeInclusive;
 use std::sync::Arc;
@@ -53,8 +53,8 @@ fn solvers(model: &Model, predicts: bool) -> Vec<(String, Box<dyn BatchSolver>)>
     solvers
 }
 
-/// Returns the batches with these instructions, in double precision and, if it has that, in mixed precision, with a new factor
-/// for each step and with factors that serve several.
+/// Returns the batches with these instructions, in double precision and, if it has that, in mixed precision, with a new
+/// factor for each step and with factors that serve several.
 fn batches_of(model: &Model, predicts: bool, level: Level) -> Vec<(String, LaneBatch)> {
     let batch = || LaneBatch::with_level(model, predicts, level).unwrap();
     let mut batches = vec![(format!("{level:?}"), batch())];
@@ -234,6 +234,25 @@ fn networks_of_any_shape_fit_a_batch() {
         let model = RveModel::new(&(), Arc::new(network), Some(material(law.clone())), scale).unwrap();
         let mut random = Random::new(8);
         compare(&model, false, &[gradients(10, 0.3, &mut random)]);
+    }
+}
+
+/// With factors that serve several steps, fewer are needed.
+#[test]
+fn chords_replace_factors() {
+    let model = model(Law::Exponential { youngs_modulus: 1.0e7, nonlinearity: 1.2 }, 60);
+    let targets = gradients(24, 0.05, &mut Random::new(4));
+    for level in Level::all() {
+        let iterations = |(_, batch): &(String, LaneBatch)| -> usize {
+            let mut rves = vec![Rve::at_rest(model.network()); targets.len()];
+            let mut rves: Vec<&mut Rve> = rves.iter_mut().collect();
+            let solved = batch.solve(&mut rves, &targets, &EquilibriumParams::default());
+            solved.iter().flatten().map(|solved| solved.iterations).sum()
+        };
+        if let [_, mixed, chords] = &batches_of(&model, true, level)[..] {
+            let (new, reused) = (iterations(mixed), iterations(chords));
+            assert!(reused > 0 && 4 * reused < 3 * new, "{reused} of {new}");
+        }
     }
 }
 

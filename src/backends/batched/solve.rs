@@ -4,16 +4,12 @@ use std::sync::Arc;
 
 use super::{Batched, Failure, Lanes, Matrix, Vector};
 use crate::backends::checks::{check_columns, check_pattern, immediate_singular_limit};
-use crate::backends::networks::lanes::{LaneAnalysis, LaneCholesky, LanePivots};
+use crate::backends::networks::lanes::{LaneAnalysis, LaneCholesky, LanePivots, MOST_OPERATIONS};
 use crate::backends::null_vector::null_vector_limit;
 use crate::backends::sparse::{self, Sparse, SparseScalar};
 use crate::las::{
     Backend, FactorReport, Factorization, SolveError, SolveReport, Solver as _, SolverParams, Sparsity, Symmetry,
 };
-
-/// The operations of a factorization from which the factors of all lanes no longer fit into the caches of a core.
-/// `docs/kernel.md` has the measurements.
-const MOST_OPERATIONS: f64 = 1.0e7;
 
 /// The symbolic analysis of one pattern, shared by all its solvers.
 pub struct Symbolic {
@@ -31,7 +27,8 @@ impl Symbolic {
     ) -> Result<Self, Failure> {
         let single = Sparse::<T>::analyze(&(), pattern, params)?;
         let is_f64 = size_of::<T>() == size_of::<f64>();
-        // Only symmetric matrices with a direct solver have operations. Those of a large system are not listed for lanes.
+        // Only symmetric matrices with a direct solver have operations. Those of a large system are not listed for
+        // lanes.
         let may_use = is_f64 && single.operations().is_some_and(|operations| operations <= MOST_OPERATIONS);
         let lanes = if may_use { LaneAnalysis::new(N, pattern, single.order()) } else { None };
         Ok(Self { single, params: *params, pattern: Arc::clone(pattern), lanes: lanes.map(Arc::new) })
@@ -49,13 +46,14 @@ impl Symbolic {
 
 /// The solver for `N` matrices with one sparsity pattern.
 ///
-/// It factors positive definite matrices of `f64` that consist of 3x3 blocks by Cholesky in all lanes at once, if the machine has vector registers of `N` numbers (4 with AVX2, 8 with AVX-512) and a
-/// factorization has at most 10^7 operations. Each other lane gets a solver of the backend [`sparse`](crate::backends::sparse),
-/// with the same parameters, reports and errors: pivots differ between lanes, and so do the iterations of Krylov methods.
-/// A lane does not depend on the others.
+/// It factors positive definite matrices of `f64` that consist of 3x3 blocks by Cholesky in all lanes at once, if the
+/// machine has vector registers of `N` numbers (4 with AVX2, 8 with AVX-512) and a factorization has at most 1.5e8
+/// operations. Each other lane gets a solver of the backend [`sparse`](crate::backends::sparse), with the same
+/// parameters, reports and errors: pivots differ between lanes, and so do the iterations of Krylov methods. A lane does
+/// not depend on the others.
 ///
-/// [`factor`](crate::las::Solver::factor) fails if the matrix of any lane cannot be factored; [`Solver::factor_lanes`] leaves
-/// that decision to the caller.
+/// [`factor`](crate::las::Solver::factor) fails if the matrix of any lane cannot be factored; [`Solver::factor_lanes`]
+/// leaves that decision to the caller.
 pub struct Solver<T: SparseScalar = f64, const N: usize = 4> {
     symbolic: Arc<Symbolic>,
     lanes: Option<LaneCholesky>,
@@ -120,8 +118,8 @@ impl<T: SparseScalar, const N: usize> Solver<T, N> {
         place.as_mut().ok_or(SolveError::NotFactored)
     }
 
-    /// Factors the matrices of all lanes; returns a report or an error for each. The next solves give NaN in the lanes that
-    /// failed; if all failed, there is no factorization to solve with.
+    /// Factors the matrices of all lanes; returns a report or an error for each. The next solves give NaN in the lanes
+    /// that failed; if all failed, there is no factorization to solve with.
     ///
     /// # Errors
     /// Returns [`SolveError::Size`] or [`SolveError::Pattern`] if the pattern differs from the analyzed one.
@@ -193,8 +191,8 @@ fn report_of<T: SparseScalar>(pivots: &LanePivots, symbolic: &Symbolic) -> Optio
     })
 }
 
-/// Returns one report for all lanes: the kind that differs from the first lane's, if there is one, the first unknown at which
-/// Cholesky failed, the smallest pivot ratio, and the largest number of negative pivots.
+/// Returns one report for all lanes: the kind that differs from the first lane's, if there is one, the first unknown at
+/// which Cholesky failed, the smallest pivot ratio, and the largest number of negative pivots.
 fn combine(reports: &[FactorReport]) -> FactorReport {
     let none =
         FactorReport { kind: Factorization::Cholesky, indefinite_at: None, pivot_ratio: 1.0, negative_pivots: Some(0) };

@@ -137,7 +137,8 @@ impl<'a> NetworkResult<'a> {
         self.values[ENERGY]
     }
 
-    /// Norm of the force sensitivities at interior nodes, which should vanish, over that at all nodes.
+    /// Norm of the force sensitivities at interior nodes, which should vanish, over that at all nodes; in lanes, of
+    /// boundary nodes those of each fiber alone count.
     pub fn imbalance(&self) -> f64 {
         self.values[IMBALANCE]
     }

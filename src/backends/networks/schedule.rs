@@ -29,12 +29,12 @@ pub(in crate::backends) struct PanelShape {
 }
 
 /// The operations of one factorization and of its solves. Nodes are numbered by their place in the elimination order;
-/// blocks of the factor below the diagonal are numbered column after column, and a last block is zero. A tile is a run of
-/// columns of which each has an entry in the row of the next. Each list has the tiles one after the other; a tile has
-/// fewer columns than its shape if the run is shorter, and the zero block takes the place of blocks that do not exist. A
-/// panel is a run of tiles of one run of columns: the columns before it update all its tiles, a few columns at a time, whose
-/// blocks stay in the cache, before the tiles are factored one after the other. The order of the sums is the same as
-/// without panels.
+/// blocks of the factor below the diagonal are numbered column after column, and a last block is zero. A tile is a run
+/// of columns of which each has an entry in the row of the next. Each list has the tiles one after the other; a tile
+/// has fewer columns than its shape if the run is shorter, and the zero block takes the place of blocks that do not
+/// exist. A panel is a run of tiles of one run of columns: the columns before it update all its tiles, a few columns at
+/// a time, whose blocks stay in the cache, before the tiles are factored one after the other. The order of the sums is
+/// the same as without panels.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(in crate::backends) struct Schedule {
     /// The number of tiles.
@@ -48,9 +48,10 @@ pub(in crate::backends) struct Schedule {
     pub factor: Vec<u32>,
     /// The number of panels.
     pub panels: usize,
-    /// By panel: the number of its tiles, and the number of its steps, 0 if all updates are in `factor`. For each step: by tile, the head as in `factor` down
-    /// to the earlier columns, of which there are those of this step; the number of groups of all tiles, and the groups
-    /// as in `factor`, row by row. The first step has all groups, the others only those with updates.
+    /// By panel: the number of its tiles, and the number of its steps, 0 if all updates are in `factor`. For each step:
+    /// by tile, the head as in `factor` down to the earlier columns, of which there are those of this step; the number
+    /// of groups of all tiles, and the groups as in `factor`, row by row. The first step has all groups, the others
+    /// only those with updates.
     pub updates: Vec<u32>,
     /// By tile: its first column and the number of its columns, the blocks of the pairs of its columns, the number of
     /// earlier columns with entries in its rows, and for each of them, the column and these blocks.
@@ -209,8 +210,8 @@ impl Writer<'_> {
         }
     }
 
-    /// Writes a group of rows below a tile, with updates by those of the columns `before` that have entries there. Returns
-    /// the number of updates.
+    /// Writes a group of rows below a tile, with updates by those of the columns `before` that have entries there.
+    /// Returns the number of updates.
     fn group(&mut self, to: &mut Vec<u32>, tile: &Tile, group: &[u32], before: &[u32]) -> u32 {
         let (blocks, shape) = (self.blocks, self.shape);
         let row = |r: usize| group.get(r).copied();
@@ -233,13 +234,14 @@ impl Writer<'_> {
         to[count]
     }
 
-    /// Writes the updates of a panel by the columns before it. Returns false if there are too few of them.
+    /// Writes the updates of a panel by the columns before it. Returns false if there are too few of them, or
+    /// a single tile.
     fn panel(&mut self, to: &mut Vec<u32>, tiles: &[Tile], shape: PanelShape) -> bool {
         let Some(start) = tiles.first().map(|tile| tile.start) else { return false };
         let before_tile: Vec<Vec<u32>> = tiles.iter().map(|tile| tile.before(self.blocks, |k| k < start)).collect();
         let before = union(before_tile.iter(), |_| true);
         let below = union(tiles.iter().map(|tile| &tile.below), |_| true);
-        if before.len() < shape.least {
+        if tiles.len() == 1 || before.len() < shape.least {
             to.extend([tiles.len() as u32, 0]);
             return false;
         }
@@ -266,8 +268,8 @@ impl Writer<'_> {
 }
 
 impl Schedule {
-    /// Makes the schedule of a matrix with a diagonal block for each of `nodes` and a pair of blocks for each edge, whose
-    /// nodes are numbered in the order of their elimination.
+    /// Makes the schedule of a matrix with a diagonal block for each of `nodes` and a pair of blocks for each edge,
+    /// whose nodes are numbered in the order of their elimination.
     ///
     /// # Panics
     /// Panics if there are panels and groups of more than one row.

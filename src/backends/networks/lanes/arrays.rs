@@ -8,7 +8,8 @@ use super::network::Network;
 use super::simd::{Double, MOST_LANES, Simd};
 use crate::backends::networks::MODES;
 
-/// The numbers of a group. Interior nodes are numbered by their place in the elimination order; boundary nodes follow them.
+/// The numbers of a group. Interior nodes are numbered by their place in the elimination order; boundary nodes follow
+/// them.
 pub(super) struct Arrays<'a, S: Double> {
     /// Three coordinates of each node, at which forces are evaluated.
     pub positions: &'a mut [S::Stored],
@@ -28,8 +29,8 @@ pub(super) struct Arrays<'a, S: Double> {
     pub direction: &'a mut [S::Stored],
     /// Eighteen of each interior node: the sensitivities to the six strains.
     pub modes: &'a mut [S::Stored],
-    /// Eighteen of each interior node: the sensitivities of the forces. Until the end, a factor of single precision may be
-    /// here.
+    /// Eighteen of each interior node: the sensitivities of the forces. Until the end, a factor of single precision may
+    /// be here.
     pub loads: &'a mut [S::Stored],
 }
 

@@ -1,7 +1,7 @@
 //! Operations on 3x3 blocks of lanes, stored row by row; the inverse of a Cholesky factor as xx, yx, yy, zx, zy, zz.
 //!
-//! Sums are added up with the sign changed, `-a + b c + ...` instead of `a - b c - ...`: for a difference, compilers change the
-//! signs of factors, which takes the units of the multiply-adds. The bits are the same.
+//! Sums are added up with the sign changed, `-a + b c + ...` instead of `a - b c - ...`: for a difference, compilers
+//! change the signs of factors, which takes the units of the multiply-adds. The bits are the same.
 
 use super::simd::{Lanes, Simd};
 

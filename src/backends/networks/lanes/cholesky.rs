@@ -35,9 +35,9 @@ pub(in crate::backends) struct LaneAnalysis {
 }
 
 impl LaneAnalysis {
-    /// Prepares factorizations in this number of lanes, which eliminate the unknowns in this order. `None` if this machine
-    /// does not have registers of so many lanes, or if the pattern, which is symmetric, does not consist of 3x3 blocks that
-    /// `order` eliminates one after the other.
+    /// Prepares factorizations in this number of lanes, which eliminate the unknowns in this order. `None` if this
+    /// machine does not have registers of so many lanes, or if the pattern, which is symmetric, does not consist of 3x3
+    /// blocks that `order` eliminates one after the other.
     pub fn new(lanes: usize, pattern: &Sparsity, order: &[u32]) -> Option<Self> {
         let level = Level::all().into_iter().rfind(|level| level.lanes() == lanes)?;
         let blocks = Blocks::new(pattern, order)?;

@@ -75,8 +75,8 @@ impl<S: Double> Kernel<S> for Evaluate<'_, '_, S> {
         }
         let zero = Lanes::splat(simd, 0.0);
         let mut largest = zero;
-        // While the law of a fiber is evaluated, the processor computes the geometry of the next one: each takes long, but
-        // waits most of the time for its own intermediate results.
+        // While the law of a fiber is evaluated, the processor computes the geometry of the next one: each takes long,
+        // but waits most of the time for its own intermediate results.
         let mut next = network.fibers.first().map(|fiber| Geometry::new(simd, positions, fiber));
         for (number, fiber) in network.fibers.iter().enumerate() {
             let Some(Geometry { d, inverse, stretch }) = next else { break };

@@ -1,10 +1,11 @@
 //! Equilibria of many fiber networks at once, one in each lane of the vector registers.
 //!
-//! The numbers of as many networks as a register has lanes (eight with AVX-512, four otherwise) alternate in memory. Each
-//! operation acts on all of them: forces and stiffness, the factorization in 3x3 blocks, the solutions with the factor.
-//! Every lane has its own iterations and its own line search; it waits where it is until all have finished. The result of
-//! a network is the same bit for bit in any lane, beside any others, and with any number of lanes, as long as the machine
-//! has fused multiply-adds; in mixed precision, which only eight lanes have, in any lane and beside any others.
+//! The numbers of as many networks as a register has lanes (eight with AVX-512, four otherwise) alternate in memory.
+//! Each operation acts on all of them: forces and stiffness, the factorization in 3x3 blocks, the solutions with the
+//! factor. Every lane has its own iterations and its own line search; it waits where it is until all have finished. The
+//! result of a network is the same bit for bit in any lane, beside any others, and with any number of lanes, as long as
+//! the machine has fused multiply-adds; in mixed precision, which only eight lanes have, in any lane and beside any
+//! others.
 //!
 //! The memory of a group belongs to the thread that solves it, and serves all networks that this thread solves.
 
@@ -51,12 +52,16 @@ use tangent::{ComputeProducts, Energy, SolveModes, Stress};
 use super::result::{BACKTRACKS, ENERGY, FORM, IMBALANCE, ITERATIONS, PIVOT_RATIO, RESIDUAL, SCALE, STATUS, STRESS};
 use super::{BatchParams, MODES, NetworkData, NetworkResult, RESULT_LEN, STEPS_OF_CONTINUATION, Status, TileShape};
 
-/// Interior force sensitivities, relative to those at all nodes, at which the sensitivities are accurate.
+/// Interior force sensitivities, relative to all of them, at which the sensitivities are accurate.
 const ACCURATE: f64 = 1e-8;
 
-/// The operations of a factorization from which a step with the factor of an earlier iterate takes less time than one with
-/// a new factor, with all the steps that it costs. `docs/kernel.md` has the measurements.
+/// The operations of a factorization from which it pays to keep a factor for several steps, although more steps are
+/// then needed. `docs/kernel.md` has the measurements.
 const LEAST_OPERATIONS_OF_CHORDS: f64 = 1.0e6;
+
+/// The operations of a factorization up to which lanes were measured to be faster than single networks: the factors of
+/// all lanes of larger networks take tens of megabytes. `docs/kernel.md` has the measurements.
+pub const MOST_OPERATIONS: f64 = 1.5e8;
 
 /// The instructions that the lanes use.
 #[derive(Clone, Copy, Debug)]
@@ -143,7 +148,8 @@ impl NetworkLanes {
     /// Orders a network for the lanes of this machine; `None` if it has none.
     ///
     /// # Panics
-    /// Panics if the lists of the network have different lengths, or if a fiber has a node or a law that does not exist.
+    /// Panics if the lists of the network have different lengths, or if a fiber has a node or a law that does not
+    /// exist.
     pub fn new(network: &NetworkData) -> Option<Self> {
         Some(Self::with_level(network, Level::all().pop()?))
     }
@@ -207,8 +213,8 @@ impl NetworkLanes {
         arrays::bytes_per_lane(&self.network, self.has_single)
     }
 
-    /// Finds the equilibria of up to [`NetworkLanes::lanes`] networks. Calls `read` with the index of each, in ascending
-    /// order, and its outcome. Adds to `times`, if given, what each phase takes.
+    /// Finds the equilibria of up to [`NetworkLanes::lanes`] networks. Calls `read` with the index of each, in
+    /// ascending order, and its outcome. Adds to `times`, if given, what each phase takes.
     ///
     /// # Panics
     /// Panics if there are more networks than lanes, if one has another number of interior nodes, or if
@@ -232,8 +238,8 @@ impl NetworkLanes {
         }
     }
 
-    /// Tests for up to [`NetworkLanes::lanes`] networks whether Newton's method leads from their states, moved affinely to
-    /// the targets, to the equilibria with these interior positions: [`Status::Continues`] if it evidently does.
+    /// Tests for up to [`NetworkLanes::lanes`] networks whether Newton's method leads from their states, moved affinely
+    /// to the targets, to the equilibria with these interior positions: [`Status::Continues`] if it evidently does.
     ///
     /// # Panics
     /// As for [`NetworkLanes::solve`], and if there are not positions for each network.

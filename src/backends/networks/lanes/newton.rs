@@ -1,7 +1,7 @@
 //! Newton's method for a group of networks, one in each lane.
 //!
-//! Lanes that have finished, or whose step length is accepted, stay where they are while others continue: they repeat the
-//! same operations with the same results. What happens to a lane therefore does not depend on the others.
+//! Lanes that have finished, or whose step length is accepted, stay where they are while others continue: they repeat
+//! the same operations with the same results. What happens to a lane therefore does not depend on the others.
 
 use super::arrays::Arrays;
 use super::forces::{Evaluate, Forces};
@@ -18,7 +18,8 @@ const SINGULAR: f64 = 1e-12;
 /// The most residual norms that the line search compares with.
 const MEMORY: usize = 8;
 
-/// Distances from the given equilibrium: the norm at which it is reached, and the factor by which a step must approach it.
+/// Distances from the given equilibrium: the norm at which it is reached, and the factor by which a step must approach
+/// it.
 const REACHED: (f64, f64) = (1e-10, 0.1);
 
 /// The solution of one lane.
@@ -47,7 +48,8 @@ struct Reuse {
     is_possible: bool,
     /// Whether it has one.
     has_factor: bool,
-    /// Whether the last step reduced the residual by [`SHARE`], so that the next one takes the same factor.
+    /// Whether the last step reduced the residual to [`SHARE`], so that the next one takes the same factor. Also true
+    /// before the first step, whose direction need not be exact either.
     pays: bool,
     /// Whether the step that is searched takes the factor of an earlier iterate.
     is_chord: bool,
@@ -197,12 +199,16 @@ impl Course {
         let least = if continues { 0.0 } else { limit };
         let allowed = ((1.0 - params.sufficient_decrease * step) * largest).max(least);
         // A chord step that does not reduce the residual is taken back.
-        let is_back = self.reuse.is_chord && step == 0.0;
-        if found.is_finite() && (found.residual <= allowed || params.max_backtracks == 0 || is_back) {
+        let Reuse { is_chord, .. } = self.reuse;
+        let is_back = is_chord && step == 0.0;
+        let takes_any = is_back || params.max_backtracks == 0 && !is_chord;
+        if found.is_finite() && (found.residual <= allowed || takes_any) {
             (self.residual, self.scale, self.largest) = (found.residual, found.scale, found.largest);
             self.search.rejected = None;
             self.reuse.pays = self.reuse.is_possible && step == 1.0 && found.residual <= SHARE * residual;
-        } else if self.reuse.is_chord && !is_back {
+        } else if is_back {
+            self.status = Some(Status::LineSearch);
+        } else if is_chord {
             self.search.step = 0.0;
         } else if continues {
             self.status = Some(Status::Inconclusive);
@@ -282,7 +288,7 @@ impl<S: Double> Newton<'_, '_, '_, S> {
         found
     }
 
-    /// Solves with tiles of `C` columns and `R` rows, from the start in the arrays. With `reached`, positions by lane in
+    /// Solves with tiles of `C` columns, from the start in the arrays. With `reached`, positions by lane in
     /// the order of elimination, tests instead whether Newton's method leads there.
     pub fn run<const C: usize>(mut self, reached: Option<&[Vec<[f64; 3]>]>) -> Vec<Course> {
         let continues = reached.is_some();
@@ -420,5 +426,48 @@ impl<S: Double> Newton<'_, '_, '_, S> {
         let of = |entry: usize| positions[S::LANES * entry + lane];
         let squares = reached.as_flattened().iter().enumerate().map(|(entry, reached)| (of(entry) - reached).powi(2));
         squares.sum::<f64>().sqrt()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PARAMS: BatchParams = BatchParams {
+        tolerance: 1e-10,
+        floor: 0.0,
+        max_iterations: 30,
+        max_backtracks: 10,
+        sufficient_decrease: 1e-4,
+        memory: 6,
+        excessive_force: 1e12,
+        wants_tangent: true,
+    };
+
+    fn found(residual: f64) -> Found {
+        Found { residual, scale: 1.0, largest: 0.0 }
+    }
+
+    /// A factor serves the next step if the last one left a tenth of the residual. A step that increases the residual
+    /// is taken back, and the next one needs a new factor.
+    #[test]
+    fn a_chord_that_does_not_pay_is_taken_back() {
+        for max_backtracks in [0, 10] {
+            let params = BatchParams { max_backtracks, ..PARAMS };
+            let mut course = Course::new(&found(1.0), true);
+            assert!(!course.takes_chord());
+            course.begin(&params, false, true, 1.0, false);
+            course.reuse.has_factor = true;
+            assert_eq!(course.take_step(), -1.0);
+            course.judge(&found(0.05), &params, false);
+            assert!(course.takes_chord());
+            course.begin_chord(&params);
+            assert_eq!(course.take_step(), -1.0);
+            course.judge(&found(0.06), &params, false);
+            assert_eq!(course.take_step(), 1.0);
+            course.judge(&found(0.05), &params, false);
+            assert!(course.runs() && course.search.rejected.is_none() && !course.takes_chord());
+            assert_eq!((course.residual, course.iterations, course.backtracks), (0.05, 1, 0));
+        }
     }
 }

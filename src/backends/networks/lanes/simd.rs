@@ -1,7 +1,7 @@
 //! Vectors of lanes, one network a lane.
 //!
-//! All operations act on each lane separately and follow IEEE 754. With a fused multiply-add, the result of a lane is the
-//! same for any number of lanes; the portable version rounds products separately.
+//! All operations act on each lane separately and follow IEEE 754. With a fused multiply-add, the result of a lane is
+//! the same for any number of lanes; the portable version rounds products separately.
 
 use std::ops::{Add, AddAssign, Mul, MulAssign, Neg, Sub, SubAssign};
 
@@ -14,8 +14,8 @@ pub(super) const MOST_LANES: usize = 8;
 
 /// The instructions of a machine; a value proves that it has them.
 ///
-/// All functions that work with lanes must be `#[inline(always)]` and run inside of [`Simd::vectorize`]: only code that is
-/// inlined there is compiled for the instructions.
+/// All functions that work with lanes must be `#[inline(always)]` and run inside of [`Simd::vectorize`]: only code that
+/// is inlined there is compiled for the instructions.
 pub(super) trait Simd: Copy + Send + Sync {
     /// The lanes of a register.
     type Floats: Copy;

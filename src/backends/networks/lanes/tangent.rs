@@ -36,8 +36,8 @@ fn spin<S: Double>(w: usize, x: &Node<S>) -> Node<S> {
     }
 }
 
-/// Computes the sensitivities of interior nodes to the six strains into `modes`; requires the factor of the stiffness and the
-/// stiffness of the fibers.
+/// Computes the sensitivities of interior nodes to the six strains into `modes`; requires the factor of the stiffness
+/// and the stiffness of the fibers.
 pub(super) struct SolveModes<'a, 'b, S: Double, const C: usize> {
     pub network: &'a Network,
     pub arrays: &'a mut Arrays<'b, S>,
@@ -138,8 +138,9 @@ impl<S: Double> Kernel<S> for ComputeProducts<'_, '_, S> {
     }
 }
 
-/// Adds the force sensitivities of the fibers to `loads` of interior nodes. Returns for each mode the sum over the ends of
-/// fibers on the boundary of position times force sensitivity, row by row, and the sum of the squares of these sensitivities.
+/// Adds the force sensitivities of the fibers to `loads` of interior nodes. Returns for each mode the sum over the ends
+/// of fibers on the boundary of position times force sensitivity, row by row, and the sum of the squares of these
+/// sensitivities.
 #[inline(always)]
 fn sum_fibers<S: Double>(simd: S, network: &Network, arrays: &mut Arrays<'_, S>) -> ([Block<S>; MODES], Lanes<S>) {
     let Arrays { positions, fibers, modes, loads, .. } = arrays;
@@ -174,7 +175,11 @@ fn sum_fibers<S: Double>(simd: S, network: &Network, arrays: &mut Arrays<'_, S>)
             if a < network.interior {
                 subtract_from(simd, loads, MODES * a + mode, &force);
             }
+            // A fiber between two boundary nodes has two ends there.
             squares += dot(&force, &force);
+            if a >= network.interior {
+                squares += dot(&force, &force);
+            }
             for p in 0..3 {
                 for q in 0..3 {
                     moments[mode][3 * p + q].add_product(x[p], force[q]);

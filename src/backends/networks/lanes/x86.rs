@@ -1,5 +1,5 @@
-//! [`Simd`] for AVX2 and AVX-512. Both perform the same operations on each lane, with fused multiply-adds, and therefore
-//! give bitwise identical results in double precision.
+//! [`Simd`] for AVX2 and AVX-512. Both perform the same operations on each lane, with fused multiply-adds, and
+//! therefore give bitwise identical results in double precision.
 
 use pulp::x86::{V3, V4};
 use pulp::{NullaryFnOnce, b8, cast, f32x8, f64x4, f64x8, m64x4, u64x4, u64x8};
