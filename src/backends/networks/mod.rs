@@ -5,10 +5,10 @@
 //! | [`lanes`] | a lane of the vector registers of the processor |
 //! | `cuda::networks` | a thread of a graphics processor |
 //!
-//! Both find equilibria by Newton's method with a line search, factor the stiffness in 3x3 blocks, prove with the
-//! factor that an equilibrium is stable, and compute stress, energy and the sensitivities for the tangent. The order of
-//! elimination and the operations of the factorization are computed once for all networks and are data (`schedule.rs`).
-//! A network that needs more than Newton's method (its stiffness is not positive definite, the line search fails, the
+//! Both find equilibria by Newton's method with a line search, factor the stiffness in 3x3 blocks, prove with the factor
+//! that an equilibrium is stable, and compute stress, energy and the sensitivities for the tangent. The order of
+//! elimination and the operations of the factorization are computed once for all networks and are data (`schedule.rs`). A
+//! network that needs more than Newton's method (its stiffness is not positive definite, the line search fails, the
 //! iterations do not suffice) keeps its state and gets a [`Status`] that says so.
 
 mod data;

@@ -2,8 +2,8 @@
 
 use crate::backends::networks::TileShape;
 
-/// What is the same for all networks of a batch: the structure `Uniform` of `kernels/base.cu`, whose comments say what
-/// the addresses refer to. Addresses are those of the device, or of the host where the kernels are emulated.
+/// What is the same for all networks of a batch: the structure `Uniform` of `kernels/base.cu`, whose comments say what the
+/// addresses refer to. Addresses are those of the device, or of the host where the kernels are emulated.
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(C)]
 pub(super) struct Uniform {

@@ -1,14 +1,14 @@
 //! Equilibria of many fiber networks at once, one thread of the device for each.
 //!
-//! All networks of a [`NetworkBatch`] have the same connectivity; each has its own positions and deformation gradient.
-//! The kernels find equilibria by Newton's method with a line search, factor the stiffness in 3x3 blocks, prove with
-//! the factor that an equilibrium is stable, and compute stress, energy and the sensitivities for the tangent. States
-//! stay on the device until they are read; a solution transfers deformation gradients in and [`NetworkResult`]s out.
+//! All networks of a [`NetworkBatch`] have the same connectivity; each has its own positions and deformation gradient. The
+//! kernels find equilibria by Newton's method with a line search, factor the stiffness in 3x3 blocks, prove with the
+//! factor that an equilibrium is stable, and compute stress, energy and the sensitivities for the tangent. States stay on
+//! the device until they are read; a solution transfers deformation gradients in and [`NetworkResult`]s out.
 //!
 //! The order of elimination and the operations of the factorization are computed once on the host and are data of the
 //! kernels (`schedule.rs`). Numbers of 32 networks alternate in memory, so that the threads of a warp access contiguous
-//! bytes. A network that needs more than Newton's method (its stiffness is not positive definite, the line search
-//! fails, the iterations do not suffice) keeps its state and gets a [`Status`] that says so.
+//! bytes. A network that needs more than Newton's method (its stiffness is not positive definite, the line search fails,
+//! the iterations do not suffice) keeps its state and gets a [`Status`] that says so.
 //!
 //! [`NetworkResult`]: crate::backends::networks::NetworkResult
 //! [`Status`]: crate::backends::networks::Status
@@ -30,8 +30,8 @@ use layout::{BLOCK_THREADS, Uniform, Variant};
 use memory::{Networks, Scratch};
 use queue::{Kernel, Memory, Queue};
 
-/// The tiles of the factorization. Of the shapes whose sums fit into the registers, this one was the fastest on an
-/// H200; `docs/cuda.md` has the measurements.
+/// The tiles of the factorization. Of the shapes whose sums fit into the registers, this one was the fastest on an H200;
+/// `docs/cuda.md` has the measurements.
 const TILE: TileShape = TileShape { columns: 3, rows: 2, panels: None };
 
 /// Many networks on a device.
@@ -55,8 +55,7 @@ impl NetworkBatch {
     /// Returns the error of the device, for example if the network does not fit into its memory.
     ///
     /// # Panics
-    /// Panics if the lists of the network have different lengths, or if a fiber has a node or a law that does not
-    /// exist.
+    /// Panics if the lists of the network have different lengths, or if a fiber has a node or a law that does not exist.
     pub fn new(device: &Device, network: &NetworkData, keeps_sensitivities: bool) -> Result<Self, CudaError> {
         let variant = Variant { tile: TILE, only_law: LawData::only(&network.laws) };
         Self::on(Queue::on(device, variant)?, network, keeps_sensitivities)
@@ -165,8 +164,7 @@ impl NetworkBatch {
         size_of::<f64>() * self.scratch_lengths().iter().sum::<usize>()
     }
 
-    /// Replaces all networks by `count` others, whose states `write` sets: all numbers, because the memory has old
-    /// ones.
+    /// Replaces all networks by `count` others, whose states `write` sets: all numbers, because the memory has old ones.
     ///
     /// # Errors
     /// Returns the error of the device, for example if its memory does not suffice; the states are then undefined.
@@ -213,8 +211,8 @@ impl NetworkBatch {
         Ok(Some(read(host.states(count, interior, sensitivities)?)))
     }
 
-    /// Finds the equilibria of the first networks at these deformation gradients, given row by row; an equilibrium
-    /// becomes the state of its network.
+    /// Finds the equilibria of the first networks at these deformation gradients, given row by row; an equilibrium becomes
+    /// the state of its network.
     ///
     /// # Errors
     /// Returns the error of the device; the states are then undefined.
@@ -237,9 +235,9 @@ impl NetworkBatch {
         self.results(&uniform, targets.len())
     }
 
-    /// Tests for the first networks whether Newton leads from their states, moved affinely to these deformation
-    /// gradients, to the equilibria whose interior positions are given, network after network: [`Status::Continues`] if
-    /// it evidently does. States do not change.
+    /// Tests for the first networks whether Newton leads from their states, moved affinely to these deformation gradients,
+    /// to the equilibria whose interior positions are given, network after network: [`Status::Continues`] if it
+    /// evidently does. States do not change.
     ///
     /// [`Status::Continues`]: crate::backends::networks::Status::Continues
     ///
