@@ -4,7 +4,7 @@ use nalgebra::Matrix3;
 use rayon::prelude::*;
 
 use super::{OfModel, network_data, rows};
-use crate::backends::networks::lanes::{LaneStart, Level, MOST_OPERATIONS, NetworkLanes, PhaseTimes};
+use crate::backends::networks::lanes::{LaneStart, Level, NetworkLanes, PhaseTimes};
 use crate::backends::networks::{BatchParams, Status};
 use crate::fiber::batch::{BatchEquilibrium, BatchProgress, BatchSolver};
 use crate::fiber::equilibrium::EquilibriumParams;
@@ -36,6 +36,13 @@ impl LaneBatch {
         Some(Self { lanes, of_model: OfModel::new(model), predicts })
     }
 
+    /// Makes a solver like [`LaneBatch::new`] if it is faster than one RVE after the other, if there are enough RVEs
+    /// ([`NetworkLanes::are_faster`]).
+    pub fn new_if_faster<B: RealBackend>(model: &RveModel<B>, predicts: bool) -> Option<Self> {
+        let network = network_data(model).filter(NetworkLanes::are_faster)?;
+        Some(Self { lanes: NetworkLanes::new(&network)?, of_model: OfModel::new(model), predicts })
+    }
+
     /// Makes a solver with these instructions.
     ///
     /// Returns `None` for models as [`LaneBatch::new`] does.
@@ -64,12 +71,6 @@ impl LaneBatch {
 
     /// The RVEs of a body from which it pays to solve them in lanes, even if they are divided among a few ranks.
     pub const LEAST_RVES: usize = 16;
-
-    /// Returns true if lanes are faster than one RVE after the other, if there are enough RVEs: the machine has fast
-    /// vectors, and a factorization takes at most [`MOST_OPERATIONS`].
-    pub fn is_faster(&self) -> bool {
-        self.lanes.has_vectors() && self.lanes.operations() <= MOST_OPERATIONS
-    }
 
     /// The lanes.
     pub fn lanes(&self) -> &NetworkLanes {

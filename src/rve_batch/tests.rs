@@ -237,6 +237,14 @@ fn networks_of_any_shape_fit_a_batch() {
     }
 }
 
+#[test]
+fn large_networks_are_solved_one_by_one() {
+    let law = Law::Linear { youngs_modulus: 1.0e7 };
+    let has_vectors = Level::all().pop().is_some_and(Level::has_vectors);
+    assert_eq!(LaneBatch::new_if_faster(&model(law.clone(), 60), true).is_some(), has_vectors);
+    assert!(LaneBatch::new_if_faster(&model(law, 1500), true).is_none());
+}
+
 /// With factors that serve several steps, fewer are needed.
 #[test]
 fn chords_replace_factors() {

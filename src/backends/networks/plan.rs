@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::data::NetworkData;
-use super::schedule::{Schedule, TileShape};
+use super::schedule::{self, Schedule, TileShape};
 use crate::backends::sparse::Sparse;
 use crate::las::{Backend, SolverParams, Sparsity, Symmetry};
 
@@ -24,6 +24,44 @@ impl Plan {
     /// # Panics
     /// Panics if the lists of the network have different lengths, or if a fiber has a node or a law that does not exist.
     pub fn new(network: &NetworkData, shape: TileShape) -> Self {
+        let Ordered { order, ends, pairs } = Ordered::new(network);
+        Self { schedule: Schedule::new(network.interior, &pairs, shape), pairs, ends, order }
+    }
+
+    /// Returns the floating-point operations of one factorization, without its schedule, which takes much memory for a
+    /// large network.
+    ///
+    /// # Panics
+    /// As for [`Plan::new`].
+    pub fn operations(network: &NetworkData) -> f64 {
+        schedule::operations(network.interior, &Ordered::new(network).pairs)
+    }
+
+    /// Returns the index of the pair of interior nodes that a fiber connects; `None` for any other fiber.
+    pub fn pair_of(&self, [a, b]: [u32; 2]) -> Option<usize> {
+        self.pairs.binary_search(&[a.min(b), a.max(b)]).ok()
+    }
+
+    /// Returns the bytes that a factorization reads and writes.
+    #[cfg(feature = "cuda")]
+    pub fn bytes_of_factorization(&self) -> f64 {
+        let (block, diagonal, vector) = (9, 6, 3);
+        let (nodes, blocks) = (self.order.len(), self.schedule.blocks());
+        let read = diagonal * (nodes + self.pairs.len()) + vector * (nodes + blocks) + block * self.schedule.reads();
+        let written = block * blocks + (diagonal + vector) * nodes;
+        (size_of::<f64>() * (read + written)) as f64
+    }
+}
+
+/// The parts of a [`Plan`] without the schedule.
+struct Ordered {
+    order: Vec<u32>,
+    ends: Vec<[u32; 2]>,
+    pairs: Vec<[u32; 2]>,
+}
+
+impl Ordered {
+    fn new(network: &NetworkData) -> Self {
         let NetworkData { interior, boundary, ends, lengths, areas, law_of, laws } = network;
         let nodes = interior + boundary.len();
         assert!(ends.as_flattened().iter().all(|&node| (node as usize) < nodes), "the nodes of the fibers exist");
@@ -44,22 +82,7 @@ impl Plan {
             .collect();
         pairs.sort_unstable();
         pairs.dedup();
-        Self { schedule: Schedule::new(*interior, &pairs, shape), pairs, ends, order }
-    }
-
-    /// Returns the index of the pair of interior nodes that a fiber connects; `None` for any other fiber.
-    pub fn pair_of(&self, [a, b]: [u32; 2]) -> Option<usize> {
-        self.pairs.binary_search(&[a.min(b), a.max(b)]).ok()
-    }
-
-    /// Returns the bytes that a factorization reads and writes.
-    #[cfg(feature = "cuda")]
-    pub fn bytes_of_factorization(&self) -> f64 {
-        let (block, diagonal, vector) = (9, 6, 3);
-        let (nodes, blocks) = (self.order.len(), self.schedule.blocks());
-        let read = diagonal * (nodes + self.pairs.len()) + vector * (nodes + blocks) + block * self.schedule.reads();
-        let written = block * blocks + (diagonal + vector) * nodes;
-        (size_of::<f64>() * (read + written)) as f64
+        Self { order, ends, pairs }
     }
 }
 

@@ -318,13 +318,22 @@ impl Schedule {
     /// The number of floating-point operations of one factorization, one for each multiplication and each addition,
     /// without those on zero blocks.
     pub fn operations(&self) -> f64 {
-        let of_column = |rows: &Vec<u32>| {
-            let below = rows.len() as f64;
-            // The factor of the diagonal block and its inverse, the blocks of the column, and the updates by them.
-            24.0 + 27.0 * below + 27.0 * below * (below + 1.0)
-        };
-        self.columns.iter().map(of_column).sum()
+        operations_of(&self.columns)
     }
+}
+
+/// Returns [`Schedule::operations`] without making the schedule.
+pub(in crate::backends) fn operations(nodes: usize, edges: &[[u32; 2]]) -> f64 {
+    operations_of(&eliminate(nodes, edges))
+}
+
+fn operations_of(columns: &[Vec<u32>]) -> f64 {
+    let of_column = |rows: &Vec<u32>| {
+        let below = rows.len() as f64;
+        // The factor of the diagonal block and its inverse, the blocks of the column, and the updates by them.
+        24.0 + 27.0 * below + 27.0 * below * (below + 1.0)
+    };
+    columns.iter().map(of_column).sum()
 }
 
 /// Returns the operations of the solution with a tile, as in [`Schedule::forward`].
@@ -385,6 +394,7 @@ mod tests {
         // The center is eliminated first and couples all others.
         let star = Schedule::new(4, &[[0, 1], [0, 2], [0, 3]], TileShape { columns: 2, rows: 2, panels: None });
         assert_eq!((star.blocks(), star.tiles), (6, 2));
+        assert_eq!(star.operations(), operations(4, &[[0, 1], [0, 2], [0, 3]]));
         let of_first = [0, 2, 0, 0, 0, 1, 1, 1, 3, NONE, 2, 2, 4, NONE, 0];
         let of_second = [2, 2, 5, NONE, 2, 0, 1, 2, 1, 3, 4, 0];
         assert_eq!(star.factor, [&of_first[..], &of_second[..]].concat());

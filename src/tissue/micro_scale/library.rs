@@ -137,7 +137,7 @@ impl<B: RealBackend> Library<B> {
             if may_use && solver.is_none() && count >= LaneBatch::LEAST_RVES {
                 let is_mixed = self.lanes == LaneUse::Mixed;
                 let in_precision = |batch: LaneBatch| if is_mixed { batch.with_single_precision() } else { batch };
-                let batch = LaneBatch::new(model, self.predict).map(in_precision).filter(LaneBatch::is_faster);
+                let batch = LaneBatch::new_if_faster(model, self.predict).map(in_precision);
                 *solver = batch.map(|batch| Mutex::new(Box::new(batch) as Box<dyn BatchSolver>));
             }
         }

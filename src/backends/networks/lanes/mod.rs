@@ -50,7 +50,9 @@ pub use start::LaneStart;
 use tangent::{ComputeProducts, Energy, SolveModes, Stress};
 
 use super::result::{BACKTRACKS, ENERGY, FORM, IMBALANCE, ITERATIONS, PIVOT_RATIO, RESIDUAL, SCALE, STATUS, STRESS};
-use super::{BatchParams, MODES, NetworkData, NetworkResult, RESULT_LEN, STEPS_OF_CONTINUATION, Status, TileShape};
+use super::{
+    BatchParams, MODES, NetworkData, NetworkResult, Plan, RESULT_LEN, STEPS_OF_CONTINUATION, Status, TileShape,
+};
 
 /// Interior force sensitivities, relative to all of them, at which the sensitivities are accurate.
 const ACCURATE: f64 = 1e-8;
@@ -100,6 +102,16 @@ impl Level {
             Self::Avx2(_) => V3::LANES,
             #[cfg(target_arch = "x86_64")]
             Self::Avx512(_) => V4::LANES,
+        }
+    }
+
+    /// Returns true if the lanes are in registers of vectors, not in what a compiler makes of arrays.
+    pub fn has_vectors(self) -> bool {
+        match self {
+            #[cfg(any(test, not(target_arch = "x86_64")))]
+            Self::Portable => false,
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2(_) | Self::Avx512(_) => true,
         }
     }
 }
@@ -193,14 +205,13 @@ impl NetworkLanes {
         self.level.lanes()
     }
 
-    /// Returns true if the lanes are in registers of vectors, not in what a compiler makes of arrays.
-    pub fn has_vectors(&self) -> bool {
-        match self.level {
-            #[cfg(any(test, not(target_arch = "x86_64")))]
-            Level::Portable => false,
-            #[cfg(target_arch = "x86_64")]
-            Level::Avx2(_) | Level::Avx512(_) => true,
-        }
+    /// Returns whether lanes are faster than one such network after the other, if there are enough: this machine has fast
+    /// vectors, and a factorization takes at most [`MOST_OPERATIONS`]. Takes little memory also for a large network.
+    ///
+    /// # Panics
+    /// As for [`NetworkLanes::new`].
+    pub fn are_faster(network: &NetworkData) -> bool {
+        Level::all().pop().is_some_and(Level::has_vectors) && Plan::operations(network) <= MOST_OPERATIONS
     }
 
     /// Floating-point operations of one factorization.
