@@ -39,9 +39,11 @@ fn a_few_rves_of_each_network_are_solved() {
         assert!(number(&split["seconds"]) >= longest, "{split}");
     }
     let proposed = &forecast["proposal"];
-    let proposal = format!("proposal   macro = {} and micro = {} in [scales]", proposed["macro"], proposed["micro"]);
     assert!(splits.contains(proposed) && forecast["of_case"].is_null() && number(&forecast["step_seconds"]) > 0.0);
-    assert!(text.contains(&proposal) && text.contains("3 RVEs solved"), "{text}");
+    // The text is of another measurement, which may propose another split.
+    let proposal =
+        |split: &Value| format!("proposal   macro = {} and micro = {} in [scales]", split["macro"], split["micro"]);
+    assert!(splits.iter().any(|split| text.contains(&proposal(split))) && text.contains("3 RVEs solved"), "{text}");
 }
 
 /// Where the first step fails, the times up to the failure are reported; where RVEs wait, those that exist are solved.
