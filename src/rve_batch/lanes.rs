@@ -62,7 +62,7 @@ impl LaneBatch {
     }
 
     /// Like [`LaneBatch::with_single_precision`], with factors that serve several steps also for small networks.
-    #[cfg(test)]
+    #[cfg(all(test, feature = "generate"))]
     pub(super) fn with_chords(mut self) -> Self {
         self.lanes.use_single_precision();
         self.lanes.use_chords();

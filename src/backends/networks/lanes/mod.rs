@@ -190,7 +190,7 @@ impl NetworkLanes {
     }
 
     /// Lets factors of single precision serve several steps, also those of small networks.
-    #[cfg(test)]
+    #[cfg(all(test, feature = "generate"))]
     pub fn use_chords(&mut self) {
         self.has_chords = self.has_single;
     }
