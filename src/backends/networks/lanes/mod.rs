@@ -15,6 +15,7 @@ mod arrays;
 mod blocks;
 #[cfg(feature = "batched")]
 mod cholesky;
+mod course;
 mod energy_series;
 mod factor;
 mod forces;
@@ -39,8 +40,9 @@ use pulp::x86::{V3, V4};
 use arrays::{Arrays, with_arrays};
 #[cfg(feature = "batched")]
 pub(in crate::backends) use cholesky::{LaneAnalysis, LaneCholesky, LanePivots};
+use course::Course;
 use network::Network;
-use newton::{Course, Newton};
+use newton::Newton;
 use phases::Clock;
 pub use phases::{Phase, PhaseTimes};
 #[cfg(any(test, not(target_arch = "x86_64")))]
