@@ -67,7 +67,7 @@ impl Solver {
     pub fn new(network: Arc<Network>, options: SolverOptions) -> Result<Self, String> {
         let SolverOptions { law, scale, matrix, tolerance, pool } = options;
         let model = RveModel::new(&(), network, law, scale).map_err(|error| error.to_string())?;
-        let lanes = LaneBatch::new(&model, false).filter(LaneBatch::is_faster);
+        let lanes = LaneBatch::new_if_faster(&model, false);
         let mut params = EquilibriumParams::default();
         params.newton.tolerance = tolerance;
         Ok(Self { model, matrix, lanes, params, pool })
