@@ -1,8 +1,11 @@
 //! RVEs in the lanes of the processor's vector registers.
 
+use std::sync::{Mutex, PoisonError};
+
 use nalgebra::Matrix3;
 use rayon::prelude::*;
 
+use super::queue::{Job, Queue};
 use super::{OfModel, network_data, rows};
 use crate::backends::networks::lanes::{LaneStart, Level, NetworkLanes, PhaseTimes};
 use crate::backends::networks::{BatchParams, Status};
@@ -14,7 +17,8 @@ use crate::parallel;
 use crate::processor_time::ProcessorTime;
 
 /// A solver for many RVEs of one model at once, as many as a vector register has lanes; the threads of the current
-/// rayon pool take one group of consecutive RVEs after the other.
+/// rayon pool take one group of consecutive RVEs after the other. RVEs that need more iterations than most of their group
+/// go on in later ones.
 ///
 /// The result of an RVE does not depend on the others, on the number of threads, or, in double precision, on the number
 /// of lanes, as long as the machine has fused multiply-adds.
@@ -102,13 +106,14 @@ impl LaneBatch {
         times: &mut PhaseTimes,
     ) -> Vec<Option<BatchEquilibrium>> {
         assert_eq!(rves.len(), targets.len(), "one target for each RVE");
-        let Some(params) = self.of_model.params(params) else { return vec![None; rves.len()] };
-        let lanes = self.lanes.lanes();
-        let groups = rves.chunks_mut(lanes).zip(targets.chunks(lanes));
-        groups.flat_map(|(rves, targets)| self.solve_group(rves, targets, &params, Some(times))).collect()
+        let mut solved = vec![None; rves.len()];
+        if let Some(params) = self.of_model.params(params) {
+            self.solve_queue(&Mutex::new(self.queue(rves, targets, &mut solved)), &params, &(), Some(times));
+        }
+        solved
     }
 
-    fn solve_with_progress(
+    pub(super) fn solve_with_progress(
         &self,
         rves: &mut [&mut Rve],
         targets: &[Matrix3<f64>],
@@ -116,58 +121,87 @@ impl LaneBatch {
         progress: &dyn BatchProgress,
     ) -> Vec<Option<BatchEquilibrium>> {
         assert_eq!(rves.len(), targets.len(), "one target for each RVE");
-        let Some(params) = self.of_model.params(params) else { return vec![None; rves.len()] };
-        let lanes = self.lanes.lanes();
-        let groups = rves.chunks_mut(lanes).zip(targets.chunks(lanes)).enumerate().collect();
-        let solve_group = |(group, (rves, targets)): (usize, (&mut [&mut Rve], &[Matrix3<f64>]))| {
-            let first = group * lanes;
-            progress.begin(first);
-            let solved = self.solve_group(rves, targets, &params, None);
-            progress.end(first, solved.iter().flatten().count());
-            solved
-        };
-        parallel::take_in_turn(groups, solve_group).into_iter().flatten().collect()
-    }
-
-    fn solve_group(
-        &self,
-        rves: &mut [&mut Rve],
-        targets: &[Matrix3<f64>],
-        params: &BatchParams,
-        times: Option<&mut PhaseTimes>,
-    ) -> Vec<Option<BatchEquilibrium>> {
-        let start = ProcessorTime::now();
-        let mut solved: Vec<Option<BatchEquilibrium>> = vec![None; rves.len()];
-        // What is not of this model keeps its state.
-        let is_possible = |rve: &Rve, target: &Matrix3<f64>| {
-            rve.interior().len() == self.of_model.interior && target.determinant() > 0.0
-        };
-        let possible: Vec<usize> = (0..rves.len()).filter(|&k| is_possible(rves[k], &targets[k])).collect();
-        let mut new_states = Vec::with_capacity(possible.len());
-        {
-            let starts: Vec<LaneStart<'_>> = possible.iter().map(|&k| self.start(rves[k], &targets[k])).collect();
-            self.lanes.solve(&starts, params, times, |lane, end| {
-                let number = possible[lane];
-                solved[number] = self.of_model.equilibrium(&end.result(), &targets[number]);
-                if solved[number].is_some() {
-                    new_states.push((number, end.positions.to_vec(), end.sensitivities.to_vec()));
-                }
-            });
+        let mut solved = vec![None; rves.len()];
+        if let Some(params) = self.of_model.params(params) {
+            let queue = Mutex::new(self.queue(rves, targets, &mut solved));
+            parallel::map(0..parallel::threads(), |_| self.solve_queue(&queue, &params, progress, None));
         }
-        for (number, positions, sensitivities) in new_states {
-            let sensitivities = self.predicts.then_some(&sensitivities[..]);
-            rves[number].replace(&targets[number], &positions, sensitivities);
-        }
-        // Each evaluates its forces once more than it has iterations, without the steps that take an earlier factor.
-        let work = |solved: &BatchEquilibrium| (1 + solved.iterations) as f64;
-        let (seconds, sum) = (start.seconds(), solved.iter().flatten().map(work).sum::<f64>());
-        solved.iter_mut().flatten().for_each(|solved| solved.seconds = Some(seconds * work(solved) / sum));
         solved
     }
 
-    fn start<'a>(&self, rve: &'a Rve, target: &Matrix3<f64>) -> LaneStart<'a> {
-        let sensitivities = rve.sensitivities().filter(|known| self.predicts && known.len() == self.of_model.interior);
-        LaneStart { gradient: rows(rve.gradient()), target: rows(target), positions: rve.interior(), sensitivities }
+    /// Returns the RVEs that lanes can solve: what is not of this model keeps its state.
+    fn queue<'a>(
+        &self,
+        rves: &'a mut [&mut Rve],
+        targets: &'a [Matrix3<f64>],
+        solved: &'a mut [Option<BatchEquilibrium>],
+    ) -> Queue<'a> {
+        let jobs = rves.iter_mut().zip(targets).zip(solved).enumerate();
+        let jobs = jobs.map(|(number, ((rve, target), solved))| Job {
+            number,
+            rve,
+            target,
+            solved,
+            paused: None,
+            seconds: 0.0,
+        });
+        let is_possible =
+            |job: &Job<'_>| job.rve.interior().len() == self.of_model.interior && job.target.determinant() > 0.0;
+        Queue::new(jobs.filter(is_possible).collect(), self.lanes.lanes())
+    }
+
+    /// Solves groups of RVEs that wait, until none does.
+    fn solve_queue(
+        &self,
+        queue: &Mutex<Queue<'_>>,
+        params: &BatchParams,
+        progress: &dyn BatchProgress,
+        mut times: Option<&mut PhaseTimes>,
+    ) {
+        let locked = || queue.lock().unwrap_or_else(PoisonError::into_inner);
+        let next_group = || locked().next_group();
+        while let Some((mut group, may_pause)) = next_group() {
+            let first = group[0].number;
+            progress.begin(first);
+            self.solve_group(&mut group, params, may_pause, times.as_deref_mut());
+            progress.end(first, group.iter().filter(|job| job.solved.is_some()).count());
+            locked().pause(group.into_iter().filter(|job| job.paused.is_some()));
+        }
+    }
+
+    /// Solves a group. RVEs that neither have an equilibrium then, nor paused, are unchanged.
+    fn solve_group(&self, jobs: &mut [Job<'_>], params: &BatchParams, may_pause: bool, times: Option<&mut PhaseTimes>) {
+        let start = ProcessorTime::now();
+        let mut found = Vec::with_capacity(jobs.len());
+        let starts: Vec<LaneStart<'_>> = jobs.iter().map(|job| self.start(job)).collect();
+        let paused = self.lanes.solve(&starts, params, may_pause, times, |lane, end| {
+            if let Some(equilibrium) = self.of_model.equilibrium(&end.result(), jobs[lane].target) {
+                found.push((lane, equilibrium, end.positions.to_vec(), end.sensitivities.to_vec()));
+            }
+        });
+        let before: Vec<usize> = jobs.iter_mut().map(Job::end_pause).collect();
+        // Each evaluates its forces once more than it has iterations, without the steps that take an earlier factor.
+        let work = |lane: usize, iterations: usize| (1 + iterations - before[lane]) as f64;
+        let of_ended: f64 = found.iter().map(|(lane, found, ..)| work(*lane, found.iterations)).sum();
+        let of_paused: f64 = paused.iter().map(|(lane, paused)| work(*lane, paused.iterations())).sum();
+        let seconds = start.seconds() / (of_ended + of_paused);
+        for (lane, equilibrium, positions, sensitivities) in found {
+            let job = &mut jobs[lane];
+            job.seconds += seconds * work(lane, equilibrium.iterations);
+            job.rve.replace(job.target, &positions, self.predicts.then_some(&sensitivities[..]));
+            *job.solved = Some(BatchEquilibrium { seconds: Some(job.seconds), ..equilibrium });
+        }
+        for (lane, paused) in paused {
+            let job = &mut jobs[lane];
+            job.seconds += seconds * work(lane, paused.iterations());
+            job.paused = Some(paused);
+        }
+    }
+
+    fn start<'a>(&self, job: &'a Job<'_>) -> LaneStart<'a> {
+        let known = job.rve.sensitivities();
+        let sensitivities = known.filter(|known| self.predicts && known.len() == self.of_model.interior);
+        LaneStart { sensitivities, paused: job.paused.as_ref(), ..affine_start(job.rve, job.target) }
     }
 
     /// Returns for each RVE whether Newton evidently leads from the state in `from` to the equilibrium in `reached`, as
@@ -188,13 +222,24 @@ impl LaneBatch {
         let interior = self.of_model.interior;
         let is_possible = |k: &usize| [from[*k], reached[*k]].iter().all(|rve| rve.interior().len() == interior);
         let possible: Vec<usize> = (0..from.len()).filter(is_possible).collect();
-        let start = |&k: &usize| LaneStart { sensitivities: None, ..self.start(from[k], reached[k].gradient()) };
-        let starts: Vec<LaneStart<'_>> = possible.iter().map(start).collect();
+        let starts: Vec<LaneStart<'_>> =
+            possible.iter().map(|&k| affine_start(from[k], reached[k].gradient())).collect();
         let positions: Vec<&[[f64; 3]]> = possible.iter().map(|&k| reached[k].interior()).collect();
         for (k, status) in possible.into_iter().zip(self.lanes.continues(&starts, &positions, params)) {
             leads[k] = status == Status::Continues;
         }
         leads
+    }
+}
+
+/// The state of an RVE, to be moved affinely to a target.
+fn affine_start<'a>(rve: &'a Rve, target: &Matrix3<f64>) -> LaneStart<'a> {
+    LaneStart {
+        gradient: rows(rve.gradient()),
+        target: rows(target),
+        positions: rve.interior(),
+        sensitivities: None,
+        paused: None,
     }
 }
 

@@ -37,6 +37,7 @@
 #[cfg(feature = "cuda")]
 mod device;
 mod lanes;
+mod queue;
 #[cfg(all(test, feature = "generate"))]
 mod tests;
 

@@ -94,15 +94,17 @@ fn compare(model: &Model, predicts: bool, increments: &[Vec<Matrix3<f64>>]) -> u
     left[0]
 }
 
-/// Counts the RVEs that are done, and the groups that began and did not end.
+/// Counts the RVEs that are done, the groups that began, and those that did not end.
 #[derive(Default)]
 struct Counted {
     done: AtomicUsize,
+    begun: AtomicUsize,
     open: AtomicUsize,
 }
 
 impl BatchProgress for Counted {
     fn begin(&self, _: usize) {
+        self.begun.fetch_add(1, Ordering::Relaxed);
         self.open.fetch_add(1, Ordering::Relaxed);
     }
 
@@ -260,6 +262,34 @@ fn chords_replace_factors() {
         if let [_, mixed, chords] = &batches_of(&model, true, level)[..] {
             let (new, reused) = (iterations(mixed), iterations(chords));
             assert!(reused > 0 && 4 * reused < 3 * new, "{reused} of {new}");
+        }
+    }
+}
+
+/// RVEs that pause, and go on beside others, have the results of a group of their own, which has no pause. Some of them
+/// pause at a step that their line search then rejects.
+#[test]
+fn a_pause_changes_no_bit() {
+    let model = model(Law::Exponential { youngs_modulus: 1.0e7, nonlinearity: 1.2 }, 60);
+    let targets = gradients(64, 0.3, &mut Random::new(5));
+    let solve = |batch: &LaneBatch, rves: &mut [Rve], targets: &[Matrix3<f64>]| {
+        let (progress, params) = (Counted::default(), EquilibriumParams::default());
+        let mut rves: Vec<&mut Rve> = rves.iter_mut().collect();
+        let solved = batch.solve_with_progress(&mut rves, targets, &params, &progress).into_iter();
+        let result = |found: BatchEquilibrium| (found.pk1, found.tangent, found.iterations, found.backtracks);
+        (solved.map(|solved| solved.map(result)).collect::<Vec<_>>(), progress.begun.into_inner())
+    };
+    for (name, batch) in Level::all().into_iter().flat_map(|level| batches_of(&model, true, level)) {
+        let mut rves = vec![Rve::at_rest(model.network()); targets.len()];
+        let (solved, groups) = solve(&batch, &mut rves, &targets);
+        let least = targets.len().div_ceil(batch.lanes().lanes());
+        assert_eq!(groups > least, !name.ends_with("chords"), "{name}: {groups} groups");
+        assert!(solved.iter().flatten().count() > 32, "{name}: most have an equilibrium");
+        assert!(solved.contains(&None), "{name}: some leave");
+        for (number, target) in targets.iter().enumerate() {
+            let mut rve = [Rve::at_rest(model.network())];
+            let alone = solve(&batch, &mut rve, &[*target]);
+            assert!(alone == (vec![solved[number]], 1) && rve[0] == rves[number], "{name}, {number}");
         }
     }
 }

@@ -138,7 +138,7 @@ impl<'a> NetworkResult<'a> {
     }
 
     /// Norm of the force sensitivities at interior nodes, which should vanish, over that at all nodes; in lanes, of
-    /// boundary nodes those of each fiber alone count.
+    /// boundary nodes those of each connection alone count.
     pub fn imbalance(&self) -> f64 {
         self.values[IMBALANCE]
     }

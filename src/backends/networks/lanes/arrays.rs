@@ -15,12 +15,11 @@ pub(super) struct Arrays<'a, S: Double> {
     pub positions: &'a mut [S::Stored],
     /// Three of each node: the internal force, the derivative of the energy.
     pub forces: &'a mut [S::Stored],
-    /// Six of each fiber: its stiffness.
-    pub fibers: &'a mut [S::Stored],
+    /// Six of each connection: the stiffness of its fibers. In the matrix, that of two interior nodes is the negative of
+    /// their block.
+    pub connections: &'a mut [S::Stored],
     /// Six of each interior node: the diagonal block of the stiffness.
     pub stiffness: &'a mut [S::Stored],
-    /// Six of each pair of coupled interior nodes: the negative of its block.
-    pub pairs: &'a mut [S::Stored],
     /// Six of each interior node: the inverse of the diagonal block of the factor.
     pub diagonal: &'a mut [S::Stored],
     /// Nine of each block of the factor below the diagonal, and of a last block of zeros.
@@ -37,12 +36,12 @@ pub(super) struct Arrays<'a, S: Double> {
 impl<S: Double> Arrays<'_, S> {
     /// Factors the stiffness of the last evaluation, and solves `L y = r` for the residual.
     pub fn factor<'a, const C: usize>(&'a mut self, network: &'a Network) -> Factor<'a, S, NegatedSymmetric, C> {
-        let Self { stiffness, pairs, diagonal, lower, direction, .. } = self;
+        let Self { stiffness, connections, diagonal, lower, direction, .. } = self;
         let schedule = &network.schedule;
         Factor {
             schedule,
             matrix_diagonal: stiffness,
-            off_diagonal: pairs,
+            off_diagonal: connections,
             diagonal,
             lower,
             right: direction,
@@ -63,16 +62,15 @@ thread_local! {
 
 /// The numbers of entries of the arrays of a network. A number of single precision takes `single_bytes` of a lane; 0 if
 /// there are none.
-fn lengths(network: &Network, single_bytes: usize) -> [usize; 10] {
+fn lengths(network: &Network, single_bytes: usize) -> [usize; 9] {
     let Network { interior, nodes, .. } = *network;
-    let (fibers, pairs, blocks) = (network.fibers.len(), network.pair_ends.len(), network.schedule.blocks());
+    let blocks = network.schedule.blocks();
     let single = (single_bytes * single_lengths(network).iter().sum::<usize>()).div_ceil(size_of::<f64>());
     [
         3 * nodes,
         3 * nodes,
-        6 * fibers,
+        6 * network.connections.len(),
         6 * interior,
-        6 * pairs,
         6 * interior,
         9 * (blocks + 1),
         3 * interior,
@@ -84,7 +82,7 @@ fn lengths(network: &Network, single_bytes: usize) -> [usize; 10] {
 /// The numbers of entries in single precision: stiffness, pairs, diagonal, blocks and right-hand side.
 pub(super) fn single_lengths(network: &Network) -> [usize; 5] {
     let Network { interior, .. } = *network;
-    [6 * interior, 6 * network.pair_ends.len(), 6 * interior, 9 * (network.schedule.blocks() + 1), 3 * interior]
+    [6 * interior, 6 * network.pairs, 6 * interior, 9 * (network.schedule.blocks() + 1), 3 * interior]
 }
 
 /// Bytes of the arrays of a network in each lane.
@@ -114,8 +112,8 @@ pub(super) fn with_arrays<S: Double, R>(
             rest = others;
             taken
         };
-        let [positions, forces, fibers, stiffness, pairs, diagonal, lower, direction, modes, loads] =
+        let [positions, forces, connections, stiffness, diagonal, lower, direction, modes, loads] =
             lengths.map(&mut take);
-        action(&mut Arrays { positions, forces, fibers, stiffness, pairs, diagonal, lower, direction, modes, loads })
+        action(&mut Arrays { positions, forces, connections, stiffness, diagonal, lower, direction, modes, loads })
     })
 }

@@ -2,7 +2,7 @@
 
 use super::arrays::Arrays;
 use super::laws::Law;
-use super::network::{Fiber, NO_PAIR, Network};
+use super::network::{Fiber, Network};
 use super::simd::{Double, Kernel, Lanes, load, numbers_of_mut, store};
 
 /// What the evaluation of forces says about each lane.
@@ -21,16 +21,22 @@ pub(super) struct Evaluate<'a, 'b, S: Double> {
     pub arrays: &'a mut Arrays<'b, S>,
 }
 
-/// The direction from the first end of a fiber to the second, and its length.
+/// The vector from one node to another.
+#[inline(always)]
+pub(super) fn vector<S: Double>(simd: S, positions: &[S::Stored], ends: [u32; 2]) -> [Lanes<S>; 3] {
+    let from: [Lanes<S>; 3] = load(simd, positions, ends[0] as usize);
+    let to: [Lanes<S>; 3] = load(simd, positions, ends[1] as usize);
+    [to[0] - from[0], to[1] - from[1], to[2] - from[2]]
+}
+
+/// The vector from the first end of a fiber to the second, and its length.
 #[inline(always)]
 pub(super) fn vector_and_length<S: Double>(
     simd: S,
     positions: &[S::Stored],
-    fiber: &Fiber,
+    ends: [u32; 2],
 ) -> ([Lanes<S>; 3], Lanes<S>) {
-    let from: [Lanes<S>; 3] = load(simd, positions, fiber.ends[0] as usize);
-    let to: [Lanes<S>; 3] = load(simd, positions, fiber.ends[1] as usize);
-    let d = [to[0] - from[0], to[1] - from[1], to[2] - from[2]];
+    let d = vector(simd, positions, ends);
     // Not fused, like the reference lengths, so that the stretch at rest is exactly 1.
     (d, (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt())
 }
@@ -58,7 +64,7 @@ struct Geometry<S: Double> {
 impl<S: Double> Geometry<S> {
     #[inline(always)]
     fn new(simd: S, positions: &[S::Stored], fiber: &Fiber) -> Self {
-        let (d, length) = vector_and_length(simd, positions, fiber);
+        let (d, length) = vector_and_length(simd, positions, fiber.ends);
         Self { d, inverse: Lanes::splat(simd, 1.0).div(length), stretch: stretch_of(length, fiber) }
     }
 }
@@ -69,8 +75,8 @@ impl<S: Double> Kernel<S> for Evaluate<'_, '_, S> {
     #[inline(always)]
     fn run(self, simd: S) -> Forces<S> {
         let Self { network, arrays } = self;
-        let Arrays { positions, forces, fibers, stiffness, pairs, direction, .. } = arrays;
-        for zeroed in [&mut **forces, &mut **stiffness, &mut **pairs] {
+        let Arrays { positions, forces, connections, stiffness, direction, .. } = arrays;
+        for zeroed in [&mut **forces, &mut **stiffness] {
             numbers_of_mut::<S>(zeroed).fill(0.0);
         }
         let zero = Lanes::splat(simd, 0.0);
@@ -99,7 +105,12 @@ impl<S: Double> Kernel<S> for Evaluate<'_, '_, S> {
                 m[1] * n[2],
                 m[2].mul_add(n[2], geometric),
             ];
-            store(&block, fibers, number);
+            let connection = fiber.connection as usize;
+            if number > 0 && network.fibers[number - 1].connection == fiber.connection {
+                add_to(simd, connections, connection, &block);
+            } else {
+                store(&block, connections, connection);
+            }
             let [a, b] = fiber.ends.map(|node| node as usize);
             subtract_from(simd, forces, a, &pull);
             add_to(simd, forces, b, &pull);
@@ -107,9 +118,6 @@ impl<S: Double> Kernel<S> for Evaluate<'_, '_, S> {
                 if node < network.interior {
                     add_to(simd, stiffness, node, &block);
                 }
-            }
-            if fiber.pair != NO_PAIR {
-                add_to(simd, pairs, fiber.pair as usize, &block);
             }
         }
         let (mut residual, mut all) = (zero, zero);

@@ -22,6 +22,7 @@ mod forces;
 mod laws;
 mod network;
 mod newton;
+mod pause;
 mod phases;
 // On x86-64 it only serves the tests: its kernels take as long to compile as those of AVX2.
 #[cfg(any(test, not(target_arch = "x86_64")))]
@@ -43,6 +44,7 @@ pub(in crate::backends) use cholesky::{LaneAnalysis, LaneCholesky, LanePivots};
 use course::Course;
 use network::Network;
 use newton::Newton;
+pub use pause::Paused;
 use phases::Clock;
 pub use phases::{Phase, PhaseTimes};
 #[cfg(any(test, not(target_arch = "x86_64")))]
@@ -229,6 +231,9 @@ impl NetworkLanes {
     /// Finds the equilibria of up to [`NetworkLanes::lanes`] networks. Calls `read` with the index of each, in
     /// ascending order, and its outcome. Adds to `times`, if given, what each phase takes.
     ///
+    /// With `may_pause`, once most are in equilibrium, the others pause: `read` is not called for them, but they are
+    /// returned with their indices, to be solved in another call ([`LaneStart::paused`]), with the same results.
+    ///
     /// # Panics
     /// Panics if there are more networks than lanes, if one has another number of interior nodes, or if
     /// [`BatchParams::memory`] is not 1 to 8.
@@ -236,18 +241,21 @@ impl NetworkLanes {
         &self,
         starts: &[LaneStart<'_>],
         params: &BatchParams,
+        may_pause: bool,
         times: Option<&mut PhaseTimes>,
         read: impl FnMut(usize, LaneEnd<'_>),
-    ) {
+    ) -> Vec<(usize, Paused)> {
         self.check(starts, params);
+        // The factor that serves further steps of a lane belongs to its group.
+        let may_pause = may_pause && !self.has_chords;
         let clock = Clock::new(times);
         match self.level {
             #[cfg(any(test, not(target_arch = "x86_64")))]
-            Level::Portable => self.solve_with::<_, 1>(Portable, starts, params, clock, read),
+            Level::Portable => self.solve_with::<_, 1>(Portable, starts, params, may_pause, clock, read),
             #[cfg(target_arch = "x86_64")]
-            Level::Avx2(simd) => self.solve_with::<_, 1>(simd, starts, params, clock, read),
+            Level::Avx2(simd) => self.solve_with::<_, 1>(simd, starts, params, may_pause, clock, read),
             #[cfg(target_arch = "x86_64")]
-            Level::Avx512(simd) => self.solve_with::<_, 2>(simd, starts, params, clock, read),
+            Level::Avx512(simd) => self.solve_with::<_, 2>(simd, starts, params, may_pause, clock, read),
         }
     }
 
@@ -289,19 +297,11 @@ impl NetworkLanes {
     ) -> Vec<Status> {
         let network = &self.network;
         with_arrays(network, self.has_single, |arrays| {
-            start::write_starts(simd, network, starts, arrays.positions);
+            start::write_starts(simd, network, starts, arrays);
             let clock = &mut Clock::new(None);
-            let newton = Newton {
-                simd,
-                network,
-                arrays,
-                params,
-                lanes: starts.len(),
-                has_single: false,
-                has_chords: false,
-                clock,
-            };
-            let courses = newton.run::<C>(Some(reached));
+            let newton =
+                Newton { simd, network, arrays, params, has_single: false, has_chords: false, may_pause: false, clock };
+            let courses = newton.approach::<C>(reached);
             courses.iter().map(|course| course.status.unwrap_or(Status::Inconclusive)).collect()
         })
     }
@@ -311,36 +311,53 @@ impl NetworkLanes {
         simd: S,
         starts: &[LaneStart<'_>],
         params: &BatchParams,
+        may_pause: bool,
         mut clock: Clock<'_>,
-        mut read: impl FnMut(usize, LaneEnd<'_>),
-    ) {
-        let network = &self.network;
-        with_arrays(network, self.has_single, |arrays| {
-            start::write_starts(simd, network, starts, arrays.positions);
+        read: impl FnMut(usize, LaneEnd<'_>),
+    ) -> Vec<(usize, Paused)> {
+        let Self { network, has_single, has_chords, .. } = self;
+        let (has_single, has_chords) = (*has_single, *has_chords);
+        with_arrays(network, has_single, |arrays| {
+            start::write_starts(simd, network, starts, arrays);
             clock.end(Phase::Start);
-            let (lanes, clock_of_newton) = (starts.len(), &mut clock);
-            let Self { has_single, has_chords, .. } = *self;
-            let newton =
-                Newton { simd, network, arrays, params, lanes, has_single, has_chords, clock: clock_of_newton };
-            let courses = newton.run::<C>(None);
+            let courses_so_far: Vec<Option<Course>> =
+                starts.iter().map(|start| start.paused.map(|paused| paused.course)).collect();
+            let newton = Newton { simd, network, arrays, params, has_single, has_chords, may_pause, clock: &mut clock };
+            let courses = newton.run::<C>(&courses_so_far);
+            let paused = courses.iter().enumerate().filter(|(_, course)| course.runs());
+            let paused = paused.map(|(lane, course)| (lane, Paused::read(*course, network, arrays, lane))).collect();
             let mut results: Vec<[f64; RESULT_LEN]> = courses.iter().map(write_course).collect();
             if courses.iter().any(|course| course.status == Some(Status::Converged)) {
                 condense::<S, C>(simd, network, arrays, params.wants_tangent, &mut results);
             }
             clock.end(Phase::Tangent);
-            let (mut positions, mut sensitivities) = (vec![[0.0; 3]; network.interior], Vec::new());
-            for (lane, numbers) in results.iter().enumerate() {
-                if numbers[STATUS] == Status::Converged as usize as f64 {
-                    read_positions::<S>(network, arrays, lane, &mut positions);
-                    if params.wants_tangent {
-                        sensitivities.resize(network.interior, [0.0; 3 * MODES]);
-                        read_sensitivities(simd, network, arrays, lane, &mut sensitivities);
-                    }
-                }
-                read(lane, LaneEnd { numbers, positions: &positions, sensitivities: &sensitivities });
-            }
+            let ended = results.iter().enumerate().filter(|(lane, _)| !courses[*lane].runs());
+            read_ends(simd, network, arrays, params.wants_tangent, ended, read);
             clock.end(Phase::End);
-        });
+            paused
+        })
+    }
+}
+
+/// Calls `read` with the outcomes of these lanes.
+fn read_ends<'a, S: Double>(
+    simd: S,
+    network: &Network,
+    arrays: &Arrays<'_, S>,
+    wants_tangent: bool,
+    ended: impl Iterator<Item = (usize, &'a [f64; RESULT_LEN])>,
+    mut read: impl FnMut(usize, LaneEnd<'_>),
+) {
+    let (mut positions, mut sensitivities) = (vec![[0.0; 3]; network.interior], Vec::new());
+    for (lane, numbers) in ended {
+        if numbers[STATUS] == Status::Converged as usize as f64 {
+            read_positions::<S>(network, arrays, lane, &mut positions);
+            if wants_tangent {
+                sensitivities.resize(network.interior, [0.0; 3 * MODES]);
+                read_sensitivities(simd, network, arrays, lane, &mut sensitivities);
+            }
+        }
+        read(lane, LaneEnd { numbers, positions: &positions, sensitivities: &sensitivities });
     }
 }
 

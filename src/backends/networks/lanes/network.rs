@@ -3,16 +3,13 @@
 use super::laws::Law;
 use crate::backends::networks::{NetworkData, Plan, Schedule, TileShape};
 
-/// The index of a pair that does not exist.
-pub(super) const NO_PAIR: u32 = u32::MAX;
-
 /// A fiber.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Fiber {
     /// Its nodes, the one that is eliminated first before the other.
     pub ends: [u32; 2],
-    /// The pair of interior nodes that it connects, or [`NO_PAIR`].
-    pub pair: u32,
+    /// The connection to which it belongs.
+    pub connection: u32,
     pub law: u32,
     pub length: f64,
     pub inverse_length: f64,
@@ -27,10 +24,14 @@ pub(super) struct Fiber {
 pub(super) struct Network {
     pub interior: usize,
     pub nodes: usize,
-    /// Pairs of interior nodes that fibers connect, the one that is eliminated first before the other.
-    pub pair_ends: Vec<[u32; 2]>,
+    /// The pairs of nodes that fibers connect, the one that is eliminated first before the other. Those of interior nodes
+    /// come first, in the order of the edges of the schedule. Parallel fibers have one connection, with one stiffness.
+    pub connections: Vec<[u32; 2]>,
+    /// The connections of interior nodes.
+    pub pairs: usize,
     /// The typical stiffness of a fiber: the largest modulus times the mean of area over length.
     pub stiffness: f64,
+    /// The fibers, in the order of their connections.
     pub fibers: Vec<Fiber>,
     pub laws: Vec<Law>,
     /// Reference positions of the boundary nodes.
@@ -43,12 +44,22 @@ pub(super) struct Network {
 impl Network {
     pub fn new(network: &NetworkData, tile: TileShape) -> Self {
         let plan = Plan::new(network, tile);
+        let sorted = |number: usize| {
+            let [a, b] = plan.ends[number];
+            [a.min(b), a.max(b)]
+        };
+        // Consecutive fibers share a node, whose sums are then still in the cache.
+        let mut numbers: Vec<usize> = (0..plan.ends.len()).collect();
+        numbers.sort_by_key(|&number| (plan.pair_of(sorted(number)).is_none(), sorted(number)));
+        let mut connections: Vec<[u32; 2]> = Vec::new();
         let fiber = |number: usize| {
-            let ([a, b], length, area) = (plan.ends[number], network.lengths[number], network.areas[number]);
-            let ends = [a.min(b), a.max(b)];
+            let (ends, length, area) = (sorted(number), network.lengths[number], network.areas[number]);
+            if connections.last() != Some(&ends) {
+                connections.push(ends);
+            }
             Fiber {
                 ends,
-                pair: plan.pair_of(ends).map_or(NO_PAIR, |pair| pair as u32),
+                connection: connections.len() as u32 - 1,
                 law: network.law_of[number],
                 length,
                 inverse_length: 1.0 / length,
@@ -57,13 +68,12 @@ impl Network {
                 volume: area * length,
             }
         };
-        let mut fibers: Vec<Fiber> = (0..plan.ends.len()).map(fiber).collect();
-        // Consecutive fibers share a node, whose sums are then still in the cache.
-        fibers.sort_by_key(|fiber| fiber.ends);
+        let fibers = numbers.into_iter().map(fiber).collect();
         Self {
             interior: network.interior,
             nodes: network.interior + network.boundary.len(),
-            pair_ends: plan.pairs,
+            pairs: plan.pairs.len(),
+            connections,
             stiffness: typical_stiffness(network),
             fibers,
             laws: network.laws.iter().map(Law::new).collect(),

@@ -7,6 +7,7 @@ use super::arrays::Arrays;
 use super::course::{Course, Found, REACHED};
 use super::forces::Evaluate;
 use super::network::Network;
+use super::pause;
 use super::phases::{Clock, Phase};
 use super::simd::{Double, Kernel, Lanes, MOST_LANES, load, numbers_of, numbers_of_mut, store};
 use super::single;
@@ -49,11 +50,11 @@ pub(super) struct Newton<'a, 'b, 'c, S: Double> {
     pub network: &'a Network,
     pub arrays: &'a mut Arrays<'b, S>,
     pub params: &'a BatchParams,
-    /// The lanes that have a network.
-    pub lanes: usize,
     /// Whether directions come from factors of single precision, and whether one of these may serve several steps.
     pub has_single: bool,
     pub has_chords: bool,
+    /// Whether lanes may pause.
+    pub may_pause: bool,
     pub clock: &'a mut Clock<'c>,
 }
 
@@ -64,60 +65,96 @@ impl<S: Double> Newton<'_, '_, '_, S> {
         found
     }
 
-    /// Solves with tiles of `C` columns, from the start in the arrays. With `reached`, positions by lane in
-    /// the order of elimination, tests instead whether Newton's method leads there.
-    pub fn run<const C: usize>(mut self, reached: Option<&[Vec<[f64; 3]>]>) -> Vec<Course> {
-        let continues = reached.is_some();
-        let Self { simd, network, params, lanes, has_chords, .. } = self;
-        let found = self.evaluate();
-        let mut courses: Vec<Course> = found[..lanes].iter().map(|found| Course::new(found, has_chords)).collect();
-        if let Some(reached) = reached {
-            for (lane, course) in courses.iter_mut().enumerate().filter(|(_, course)| course.runs()) {
-                course.apart = self.distance(lane, &reached[lane]);
-                if course.apart <= REACHED.0 {
-                    course.status = Some(Status::Continues);
-                }
-            }
-        }
-        loop {
-            courses.iter_mut().filter(|course| course.runs()).for_each(|course| course.check(params, continues));
-            if !courses.iter().any(Course::runs) {
-                return courses;
-            }
+    /// Solves with tiles of `C` columns, from the starts in the arrays; `paused` has the courses of the lanes that go on.
+    /// The courses of lanes that pause have no status.
+    pub fn run<const C: usize>(mut self, paused: &[Option<Course>]) -> Vec<Course> {
+        let mut courses = self.begin(paused);
+        while self.check(&mut courses, false) {
+            let pauses = self.may_pause && pause::pays(&courses, |course| course.has_converged(self.params, false));
             // Lanes in equilibrium wait for the others, because only their last factor must have double precision.
-            let searches = |course: &Course| course.runs() && !course.has_converged(params, continues);
-            if self.has_single && courses.iter().any(searches) {
+            let searches = |course: &Course| course.runs() && !course.has_converged(self.params, false);
+            if !pauses && self.has_single && courses.iter().any(searches) {
                 if courses.iter().any(|course| searches(course) && course.takes_chord()) {
                     self.chord_direction::<C>(&mut courses);
                 } else {
                     self.single_direction::<C>(&mut courses);
                 }
-                self.search_line(&mut courses, continues);
+                self.search_line(&mut courses, false);
                 continue;
             }
-            // At an equilibrium, the factor shows that it is stable, and serves the tangent.
-            let pivots = simd.vectorize(self.arrays.factor::<C>(network));
-            self.clock.end(Phase::Factor);
-            let (smallest, largest) = (pivots.smallest.numbers(), pivots.largest.numbers());
-            let positive = pivots.positive.numbers();
+            self.direction::<C>(&mut courses, false);
+            if pauses {
+                // Only a direction of double precision is theirs.
+                if !self.has_single {
+                    self.take_steps(&mut courses);
+                }
+                break;
+            }
+            self.search_line(&mut courses, false);
+        }
+        courses
+    }
+
+    /// Tests with tiles of `C` columns, from the starts in the arrays, whether Newton's method leads to these positions by
+    /// lane, in the order of elimination.
+    pub fn approach<const C: usize>(mut self, reached: &[Vec<[f64; 3]>]) -> Vec<Course> {
+        let mut courses = self.begin(&vec![None; reached.len()]);
+        for (lane, course) in courses.iter_mut().enumerate().filter(|(_, course)| course.runs()) {
+            course.apart = self.distance(lane, &reached[lane]);
+            if course.apart <= REACHED.0 {
+                course.status = Some(Status::Continues);
+            }
+        }
+        while self.check(&mut courses, true) {
+            self.direction::<C>(&mut courses, true);
+            self.search_line(&mut courses, true);
             for (lane, course) in courses.iter_mut().enumerate().filter(|(_, course)| course.runs()) {
-                let ratio = smallest[lane] / largest[lane];
-                course.begin(params, continues, positive[lane] != 0.0, ratio, network.interior == 0);
+                let distance = self.distance(lane, &reached[lane]);
+                course.approach(distance);
             }
-            if !courses.iter().any(Course::runs) {
-                return courses;
+        }
+        courses
+    }
+
+    /// Evaluates the starts. Lanes that go on judge the step that they took before they paused.
+    fn begin(&mut self, paused: &[Option<Course>]) -> Vec<Course> {
+        let found = self.evaluate();
+        let begun = |(found, paused): (&Found, &Option<Course>)| match *paused {
+            Some(mut course) => {
+                course.judge(found, self.params, false);
+                course
             }
+            None => Course::new(found, self.has_chords),
+        };
+        let mut courses: Vec<Course> = found.iter().zip(paused).map(begun).collect();
+        self.search_line(&mut courses, false);
+        courses
+    }
+
+    /// Ends the lanes that need no factorization to end. Returns whether others run.
+    fn check(&self, courses: &mut [Course], continues: bool) -> bool {
+        courses.iter_mut().filter(|course| course.runs()).for_each(|course| course.check(self.params, continues));
+        courses.iter().any(Course::runs)
+    }
+
+    /// Factors the stiffness, ends the lanes in equilibrium, and computes the directions of the others. At an equilibrium,
+    /// the factor shows that it is stable, and serves the tangent.
+    fn direction<const C: usize>(&mut self, courses: &mut [Course], continues: bool) {
+        let Self { simd, network, params, has_single, .. } = *self;
+        let pivots = simd.vectorize(self.arrays.factor::<C>(network));
+        self.clock.end(Phase::Factor);
+        let (smallest, largest) = (pivots.smallest.numbers(), pivots.largest.numbers());
+        let positive = pivots.positive.numbers();
+        let takes_part = |course: &Course| course.runs() && (!has_single || course.has_converged(params, continues));
+        for (lane, course) in courses.iter_mut().enumerate().filter(|(_, course)| takes_part(course)) {
+            let ratio = smallest[lane] / largest[lane];
+            course.begin(params, continues, positive[lane] != 0.0, ratio, network.interior == 0);
+        }
+        if courses.iter().any(|course| course.runs() && takes_part(course)) {
             simd.vectorize(SolveDirection::<S, C> { network, arrays: self.arrays });
             // The next residual overwrites the direction.
             let entries = self.arrays.direction.len();
             self.arrays.modes[..entries].copy_from_slice(self.arrays.direction);
-            self.search_line(&mut courses, continues);
-            if let Some(reached) = reached {
-                for (lane, course) in courses.iter_mut().enumerate().filter(|(_, course)| course.runs()) {
-                    let distance = self.distance(lane, &reached[lane]);
-                    course.approach(distance);
-                }
-            }
         }
     }
 
@@ -183,17 +220,22 @@ impl<S: Double> Newton<'_, '_, '_, S> {
     /// Moves the lanes along their directions, by step lengths that their line searches accept.
     fn search_line(&mut self, courses: &mut [Course], continues: bool) {
         while courses.iter().any(|course| course.runs() && course.search.rejected.is_some()) {
-            let mut steps = [0.0; MOST_LANES];
-            for (course, step) in courses.iter_mut().zip(&mut steps) {
-                *step = course.take_step();
-            }
-            self.simd.vectorize(Move { interior: self.network.interior, arrays: self.arrays, steps: &steps });
-            self.clock.end(Phase::Step);
+            self.take_steps(courses);
             let found = self.evaluate();
             for (course, found) in courses.iter_mut().zip(&found) {
                 course.judge(found, self.params, continues);
             }
         }
+    }
+
+    /// Moves the lanes that search by their step lengths.
+    fn take_steps(&mut self, courses: &mut [Course]) {
+        let mut steps = [0.0; MOST_LANES];
+        for (course, step) in courses.iter_mut().zip(&mut steps) {
+            *step = course.take_step();
+        }
+        self.simd.vectorize(Move { interior: self.network.interior, arrays: self.arrays, steps: &steps });
+        self.clock.end(Phase::Step);
     }
 
     /// The distance of a lane from positions.

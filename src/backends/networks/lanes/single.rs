@@ -85,7 +85,8 @@ pub(super) fn direction<S: Double, const C: usize>(
     residuals: &[Option<f64>; MOST_LANES],
     rough: &[bool; MOST_LANES],
 ) -> SingleDirection {
-    let Arrays { stiffness, pairs, direction, modes, loads, .. } = arrays;
+    let Arrays { stiffness, connections, direction, modes, loads, .. } = arrays;
+    let pairs = &connections[..6 * network.pairs];
     let single = single_arrays::<S>(network, loads);
     let (found, remainder) = modes.split_at_mut(3 * network.interior);
     let remainder = &mut remainder[..3 * network.interior];
@@ -248,7 +249,7 @@ impl<S: Double> Kernel<S> for Remainder<'_, S> {
             store(&[r[0] - force[0], r[1] - force[1], r[2] - force[2]], remainder, node);
         }
         // A pair has the negative of its block.
-        for (number, ends) in network.pair_ends.iter().enumerate() {
+        for (number, ends) in network.connections[..network.pairs].iter().enumerate() {
             let [a, b] = ends.map(|node| node as usize);
             let block: Triangle<S> = load(simd, pairs, number);
             let (of_a, of_b): (Node<S>, Node<S>) = (load(simd, found, a), load(simd, found, b));

@@ -2,7 +2,9 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::arrays::Arrays;
 use super::network::Network;
+use super::pause::Paused;
 use super::simd::{Double, Kernel, Lanes, MOST_LANES, numbers_of_mut, store};
 use crate::backends::networks::MODES;
 
@@ -18,6 +20,8 @@ pub struct LaneStart<'a> {
     /// Eighteen numbers for each interior node, if the start is to be predicted: the sensitivities of its position to the
     /// six unit strains, minus those of the affine motion.
     pub sensitivities: Option<&'a [[f32; 3 * MODES]]>,
+    /// Where the solution paused, if it goes on; the target is then that of before, and the state does not matter.
+    pub paused: Option<&'a Paused>,
 }
 
 /// How the interior moves from the state to the start.
@@ -60,20 +64,23 @@ fn rotation_of(mut matrix: Matrix3<f64>) -> Matrix3<f64> {
     matrix
 }
 
-/// Writes the positions of networks at their starts; lanes without a network are copies of the first one.
+/// Writes the positions of networks at their starts, or where they paused; lanes without a network are copies of the first one.
 pub(super) fn write_starts<S: Double>(
     simd: S,
     network: &Network,
     starts: &[LaneStart<'_>],
-    positions: &mut [S::Stored],
+    arrays: &mut Arrays<'_, S>,
 ) {
     let mut targets = [[0.0; MOST_LANES]; 9];
     for lane in 0..S::LANES {
         let Some(start) = starts.get(lane).or(starts.first()) else { return };
         targets.iter_mut().zip(start.target).for_each(|(of_lanes, entry)| of_lanes[lane] = entry);
-        write_interior::<S>(network, start, lane, positions);
+        match start.paused {
+            Some(paused) => paused.write(arrays, lane),
+            None => write_interior::<S>(network, start, lane, arrays.positions),
+        }
     }
-    simd.vectorize(WriteBoundary { network, targets: &targets, positions });
+    simd.vectorize(WriteBoundary { network, targets: &targets, positions: arrays.positions });
 }
 
 /// Writes the positions of the interior nodes of a network at its start into a lane.

@@ -2,7 +2,7 @@
 
 use super::arrays::Arrays;
 use super::blocks::{Block, Node, Triangle, multiply_symmetric};
-use super::forces::{add_to, stretch_of, subtract_from, vector_and_length};
+use super::forces::{add_to, stretch_of, subtract_from, vector, vector_and_length};
 use super::network::Network;
 use super::simd::{Double, Kernel, Lanes, load, numbers_of_mut, store};
 use super::triangular::{backward, forward};
@@ -37,7 +37,7 @@ fn spin<S: Double>(w: usize, x: &Node<S>) -> Node<S> {
 }
 
 /// Computes the sensitivities of interior nodes to the six strains into `modes`; requires the factor of the stiffness
-/// and the stiffness of the fibers.
+/// and the stiffness of the connections.
 pub(super) struct SolveModes<'a, 'b, S: Double, const C: usize> {
     pub network: &'a Network,
     pub arrays: &'a mut Arrays<'b, S>,
@@ -49,15 +49,15 @@ impl<S: Double, const C: usize> Kernel<S> for SolveModes<'_, '_, S, C> {
     #[inline(always)]
     fn run(self, simd: S) {
         let Self { network, arrays } = self;
-        let Arrays { positions, fibers, diagonal, lower, modes, .. } = arrays;
+        let Arrays { positions, connections, diagonal, lower, modes, .. } = arrays;
         numbers_of_mut::<S>(modes).fill(0.0);
-        for (number, fiber) in network.fibers.iter().enumerate() {
-            let [a, b] = fiber.ends.map(|node| node as usize);
+        for (number, &ends) in network.connections.iter().enumerate() {
+            let [a, b] = ends.map(|node| node as usize);
             if a >= network.interior {
                 continue;
             }
-            let (d, _) = vector_and_length(simd, positions, fiber);
-            let block: Triangle<S> = load(simd, fibers, number);
+            let d = vector(simd, positions, ends);
+            let block: Triangle<S> = load(simd, connections, number);
             for mode in 0..MODES {
                 let load_of_end = multiply_symmetric(&block, &strain(mode, &d));
                 subtract_from(simd, modes, MODES * a + mode, &load_of_end);
@@ -82,8 +82,8 @@ impl<S: Double, const C: usize> Kernel<S> for SolveModes<'_, '_, S, C> {
 pub(super) struct Products<S: Double> {
     /// Those of the positions for six strains and three rotations (rows) with those of the forces for six strains.
     pub form: [[Lanes<S>; MODES]; MODES + 3],
-    /// Norm of the force sensitivities at interior nodes over that at interior nodes and at the ends of fibers on the
-    /// boundary.
+    /// Norm of the force sensitivities at interior nodes over that at interior nodes and at the ends of connections on
+    /// the boundary.
     pub imbalance: Lanes<S>,
 }
 
@@ -101,7 +101,7 @@ impl<S: Double> Kernel<S> for ComputeProducts<'_, '_, S> {
         let Self { network, arrays } = self;
         let zero = Lanes::splat(simd, 0.0);
         numbers_of_mut::<S>(&mut arrays.loads[..3 * MODES * network.interior]).fill(0.0);
-        let (moments, of_boundary) = sum_fibers(simd, network, arrays);
+        let (moments, of_boundary) = sum_connections(simd, network, arrays);
         let Arrays { positions, modes, loads, .. } = arrays;
         let mut form = [[zero; MODES]; MODES + 3];
         let mut of_interior = zero;
@@ -138,17 +138,17 @@ impl<S: Double> Kernel<S> for ComputeProducts<'_, '_, S> {
     }
 }
 
-/// Adds the force sensitivities of the fibers to `loads` of interior nodes. Returns for each mode the sum over the ends
-/// of fibers on the boundary of position times force sensitivity, row by row, and the sum of the squares of these
+/// Adds the force sensitivities of the connections to `loads` of interior nodes. Returns for each mode the sum over the
+/// ends of connections on the boundary of position times force sensitivity, row by row, and the sum of the squares of these
 /// sensitivities.
 #[inline(always)]
-fn sum_fibers<S: Double>(simd: S, network: &Network, arrays: &mut Arrays<'_, S>) -> ([Block<S>; MODES], Lanes<S>) {
-    let Arrays { positions, fibers, modes, loads, .. } = arrays;
+fn sum_connections<S: Double>(simd: S, network: &Network, arrays: &mut Arrays<'_, S>) -> ([Block<S>; MODES], Lanes<S>) {
+    let Arrays { positions, connections, modes, loads, .. } = arrays;
     let zero = Lanes::splat(simd, 0.0);
     let (mut moments, mut squares) = ([[zero; 9]; MODES], zero);
-    for (number, fiber) in network.fibers.iter().enumerate() {
-        let [a, b] = fiber.ends.map(|node| node as usize);
-        let block: Triangle<S> = load(simd, fibers, number);
+    for (number, ends) in network.connections.iter().enumerate() {
+        let [a, b] = ends.map(|node| node as usize);
+        let block: Triangle<S> = load(simd, connections, number);
         if b < network.interior {
             for mode in 0..MODES {
                 let of_a: Node<S> = load(simd, modes, MODES * a + mode);
@@ -175,7 +175,7 @@ fn sum_fibers<S: Double>(simd: S, network: &Network, arrays: &mut Arrays<'_, S>)
             if a < network.interior {
                 subtract_from(simd, loads, MODES * a + mode, &force);
             }
-            // A fiber between two boundary nodes has two ends there.
+            // A connection of two boundary nodes has two ends there.
             squares += dot(&force, &force);
             if a >= network.interior {
                 squares += dot(&force, &force);
@@ -260,7 +260,7 @@ impl<S: Double> Kernel<S> for Energy<'_, '_, S> {
         let counts = one.less_or_equal(counts);
         let mut sum = Lanes::splat(simd, 0.0);
         for fiber in &network.fibers {
-            let (_, length) = vector_and_length(simd, arrays.positions, fiber);
+            let (_, length) = vector_and_length(simd, arrays.positions, fiber.ends);
             // The energy of a network without equilibrium could take very long to compute.
             let stretch = stretch_of(length, fiber).where_or(counts, one);
             sum += network.laws[fiber.law as usize].energy(stretch) * fiber.volume;
