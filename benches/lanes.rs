@@ -52,7 +52,7 @@ struct Outcome {
     /// Seconds, cold and warm.
     seconds: [f64; 2],
     iterations: [usize; 2],
-    /// The share of the operations of a group that its lanes repeat because others are not done, cold and warm.
+    /// The share of the operations of a group that its lanes would repeat because others are not done, cold and warm.
     waiting: [f64; 2],
     /// RVEs that the batch left.
     left: usize,
@@ -128,7 +128,7 @@ fn print_phases(batches: &[(&str, LaneBatch)], model: &Model, goals: &[[Matrix3<
     }
 }
 
-/// Returns the share of factorizations that lanes repeat while they wait for others of their group.
+/// Returns the share of factorizations that lanes would repeat while they wait for others of their group, if none paused.
 fn waiting(solved: &[Option<BatchEquilibrium>], lanes: usize) -> f64 {
     let factorizations = |solved: &Option<BatchEquilibrium>| solved.as_ref().map_or(0, |solved| solved.iterations + 1);
     let needed: usize = solved.iter().map(factorizations).sum();
@@ -185,7 +185,7 @@ fn measure(name: &str, network: Network, count: usize) {
         memory.join(", mixed ")
     );
     println!(
-        "\n| one core | cold /s | warm /s | factorizations | GFLOP/s of them, warm | lanes wait | deviation | left |\n|---|---:|---:|---|---:|---|---|---:|"
+        "\n| one core | cold /s | warm /s | factorizations | GFLOP/s of them, warm | lanes would wait | deviation | left |\n|---|---:|---:|---|---:|---|---|---:|"
     );
     let expected = median(|| one_by_one(&model, &goals));
     print("one by one", count, operations, &expected, &expected);

@@ -124,7 +124,7 @@ impl OfModel {
     /// Returns the parameters for a batch; `None` if the parameters ask for something else than Newton's method as the
     /// first stage.
     fn params(&self, params: &EquilibriumParams) -> Option<BatchParams> {
-        /// The networks of a group wait for the one with the most iterations. One that needs more is left.
+        /// A network that needs more is left: others of its group may wait for it.
         const MOST_ITERATIONS: usize = 30;
         let newton = params.newton;
         let is_plain = newton.step_tolerance.is_none() && newton.energy_tolerance.is_none();

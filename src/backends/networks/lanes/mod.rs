@@ -2,10 +2,10 @@
 //!
 //! The numbers of as many networks as a register has lanes (eight with AVX-512, four otherwise) alternate in memory.
 //! Each operation acts on all of them: forces and stiffness, the factorization in 3x3 blocks, the solutions with the
-//! factor. Every lane has its own iterations and its own line search; it waits where it is until all have finished. The
-//! result of a network is the same bit for bit in any lane, beside any others, and with any number of lanes, as long as
-//! the machine has fused multiply-adds; in mixed precision, which only eight lanes have, in any lane and beside any
-//! others.
+//! factor. Every lane has its own iterations and its own line search; it waits where it is until all have finished, or
+//! until most have finished and the others [pause](Paused), to go on in another group. The result of a network is the
+//! same bit for bit in any lane, beside any others, and with any number of lanes, as long as the machine has fused
+//! multiply-adds; in mixed precision, which only eight lanes have, in any lane and beside any others.
 //!
 //! The memory of a group belongs to the thread that solves it, and serves all networks that this thread solves.
 

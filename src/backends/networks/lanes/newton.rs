@@ -1,7 +1,8 @@
 //! Newton's method for a group of networks, one in each lane.
 //!
 //! Lanes that have finished, or whose step length is accepted, stay where they are while others continue: they repeat
-//! the same operations with the same results. What happens to a lane therefore does not depend on the others.
+//! the same operations with the same results. What happens to a lane therefore does not depend on the others, and a lane
+//! can pause and go on in another group.
 
 use super::arrays::Arrays;
 use super::course::{Course, Found, REACHED};
