@@ -25,7 +25,8 @@ pub struct BatchEquilibrium {
 
 /// Receives the progress of a batch, from any thread.
 pub trait BatchProgress: Sync {
-    /// The solution of a group of RVEs begins, of which the first in the batch has the number `first`.
+    /// The solution of a group of RVEs begins, of which the first in the batch has the number `first`. An RVE that takes
+    /// long may be in several groups, one after the other.
     fn begin(&self, first: usize);
 
     /// The solution of the group ended, with so many of its RVEs done.

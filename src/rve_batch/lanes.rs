@@ -108,7 +108,7 @@ impl LaneBatch {
         assert_eq!(rves.len(), targets.len(), "one target for each RVE");
         let mut solved = vec![None; rves.len()];
         if let Some(params) = self.of_model.params(params) {
-            self.solve_queue(&Mutex::new(self.queue(rves, targets, &mut solved)), &params, &(), Some(times));
+            self.solve_queue(&Mutex::new(self.queue(rves, targets, &mut solved, 1)), &params, &(), Some(times));
         }
         solved
     }
@@ -123,8 +123,9 @@ impl LaneBatch {
         assert_eq!(rves.len(), targets.len(), "one target for each RVE");
         let mut solved = vec![None; rves.len()];
         if let Some(params) = self.of_model.params(params) {
-            let queue = Mutex::new(self.queue(rves, targets, &mut solved));
-            parallel::map(0..parallel::threads(), |_| self.solve_queue(&queue, &params, progress, None));
+            let threads = parallel::threads();
+            let queue = Mutex::new(self.queue(rves, targets, &mut solved, threads));
+            parallel::map(0..threads, |_| self.solve_queue(&queue, &params, progress, None));
         }
         solved
     }
@@ -135,6 +136,7 @@ impl LaneBatch {
         rves: &'a mut [&mut Rve],
         targets: &'a [Matrix3<f64>],
         solved: &'a mut [Option<BatchEquilibrium>],
+        threads: usize,
     ) -> Queue<'a> {
         let jobs = rves.iter_mut().zip(targets).zip(solved).enumerate();
         let jobs = jobs.map(|(number, ((rve, target), solved))| Job {
@@ -147,7 +149,7 @@ impl LaneBatch {
         });
         let is_possible =
             |job: &Job<'_>| job.rve.interior().len() == self.of_model.interior && job.target.determinant() > 0.0;
-        Queue::new(jobs.filter(is_possible).collect(), self.lanes.lanes())
+        Queue::new(jobs.filter(is_possible).collect(), self.lanes.lanes(), threads)
     }
 
     /// Solves groups of RVEs that wait, until none does.

@@ -30,18 +30,19 @@ impl Job<'_> {
 /// The RVEs that wait.
 pub(super) struct Queue<'a> {
     lanes: usize,
+    threads: usize,
     new: std::vec::IntoIter<Job<'a>>,
     paused: Vec<Job<'a>>,
 }
 
 impl<'a> Queue<'a> {
-    /// Makes a queue for groups of so many RVEs.
-    pub fn new(jobs: Vec<Job<'a>>, lanes: usize) -> Self {
-        Self { lanes, new: jobs.into_iter(), paused: Vec::new() }
+    /// Makes a queue for groups of so many RVEs, which so many threads take.
+    pub fn new(jobs: Vec<Job<'a>>, lanes: usize, threads: usize) -> Self {
+        Self { lanes, threads, new: jobs.into_iter(), paused: Vec::new() }
     }
 
-    /// Returns the next group, and whether its RVEs may pause: not if nothing follows that would fill their lanes. `None` if
-    /// no RVE waits.
+    /// Returns the next group, and whether its RVEs may pause: not if the other threads take all that remains, so that what
+    /// pauses would go on in a group of few. `None` if no RVE waits.
     pub fn next_group(&mut self) -> Option<(Vec<Job<'a>>, bool)> {
         let mut group = Vec::with_capacity(self.lanes);
         if self.paused.len() < self.lanes {
@@ -50,7 +51,7 @@ impl<'a> Queue<'a> {
         // The last new ones may leave lanes for others.
         let free = self.lanes - group.len();
         group.extend(self.paused.drain(..free.min(self.paused.len())));
-        (!group.is_empty()).then(|| (group, self.new.len() > 0))
+        (!group.is_empty()).then(|| (group, self.new.len() > (self.threads - 1) * self.lanes))
     }
 
     /// Takes RVEs that paused.

@@ -276,7 +276,8 @@ fn a_pause_changes_no_bit() {
         let (progress, params) = (Counted::default(), EquilibriumParams::default());
         let mut rves: Vec<&mut Rve> = rves.iter_mut().collect();
         let solved = batch.solve_with_progress(&mut rves, targets, &params, &progress).into_iter();
-        let result = |found: BatchEquilibrium| (found.pk1, found.tangent, found.iterations, found.backtracks);
+        let result =
+            |found: BatchEquilibrium| (found.pk1, found.energy, found.tangent, found.iterations, found.backtracks);
         (solved.map(|solved| solved.map(result)).collect::<Vec<_>>(), progress.begun.into_inner())
     };
     for (name, batch) in Level::all().into_iter().flat_map(|level| batches_of(&model, true, level)) {

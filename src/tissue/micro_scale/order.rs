@@ -49,8 +49,8 @@ impl Order {
         order
     }
 
-    /// Sorts RVEs, given by `number`, by their iterations, the most first: the vector lanes of a group wait for the one with
-    /// the most iterations.
+    /// Sorts RVEs, given by `number`, by their iterations, the most first: vector lanes wait for those of their group that
+    /// take more iterations.
     pub fn by_iterations<T>(&self, rves: &mut [T], number: impl Fn(&T) -> usize) {
         let iterations = |rve: &T| self.iterations[number(rve)];
         rves.sort_by(|a, b| iterations(b).total_cmp(&iterations(a)));

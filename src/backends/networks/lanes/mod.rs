@@ -231,8 +231,9 @@ impl NetworkLanes {
     /// Finds the equilibria of up to [`NetworkLanes::lanes`] networks. Calls `read` with the index of each, in
     /// ascending order, and its outcome. Adds to `times`, if given, what each phase takes.
     ///
-    /// With `may_pause`, once most are in equilibrium, the others pause: `read` is not called for them, but they are
-    /// returned with their indices, to be solved in another call ([`LaneStart::paused`]), with the same results.
+    /// With `may_pause`, once most are in equilibrium, the others pause, unless factors serve several steps: `read` is not
+    /// called for them, but they are returned with their indices, to be solved in another call ([`LaneStart::paused`]),
+    /// with the same results.
     ///
     /// # Panics
     /// Panics if there are more networks than lanes, if one has another number of interior nodes, or if
@@ -286,6 +287,8 @@ impl NetworkLanes {
         assert!((1..=8).contains(&params.memory), "1 to 8 iterates in the sufficient-decrease condition");
         let interior = self.network.interior;
         assert!(starts.iter().all(|start| start.positions.len() == interior), "a position for each interior node");
+        let mut paused = starts.iter().filter_map(|start| start.paused);
+        assert!(paused.all(|paused| paused.interior() == interior), "what paused is of this network");
     }
 
     fn continues_with<S: Double, const C: usize>(

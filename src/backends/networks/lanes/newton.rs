@@ -45,7 +45,7 @@ impl<S: Double> Kernel<S> for Move<'_, '_, S> {
     }
 }
 
-/// A group of networks in `lanes` lanes at their starts.
+/// A group of networks, one in each lane, at their starts or where they paused.
 pub(super) struct Newton<'a, 'b, 'c, S: Double> {
     pub simd: S,
     pub network: &'a Network,
@@ -71,9 +71,9 @@ impl<S: Double> Newton<'_, '_, '_, S> {
     pub fn run<const C: usize>(mut self, paused: &[Option<Course>]) -> Vec<Course> {
         let mut courses = self.begin(paused);
         while self.check(&mut courses, false) {
-            let pauses = self.may_pause && pause::pays(&courses, |course| course.has_converged(self.params, false));
             // Lanes in equilibrium wait for the others, because only their last factor must have double precision.
             let searches = |course: &Course| course.runs() && !course.has_converged(self.params, false);
+            let pauses = self.may_pause && pause::pays(&courses, searches);
             if !pauses && self.has_single && courses.iter().any(searches) {
                 if courses.iter().any(|course| searches(course) && course.takes_chord()) {
                     self.chord_direction::<C>(&mut courses);
@@ -85,7 +85,7 @@ impl<S: Double> Newton<'_, '_, '_, S> {
             }
             self.direction::<C>(&mut courses, false);
             if pauses {
-                // Only a direction of double precision is theirs.
+                // In mixed precision, the lanes that pause have no direction yet.
                 if !self.has_single {
                     self.take_steps(&mut courses);
                 }
@@ -117,7 +117,7 @@ impl<S: Double> Newton<'_, '_, '_, S> {
         courses
     }
 
-    /// Evaluates the starts. Lanes that go on judge the step that they took before they paused.
+    /// Evaluates the starts. Lanes that go on judge the step that they took before they paused, if they took one.
     fn begin(&mut self, paused: &[Option<Course>]) -> Vec<Course> {
         let found = self.evaluate();
         let begun = |(found, paused): (&Found, &Option<Course>)| match *paused {

@@ -8,16 +8,18 @@ use super::arrays::Arrays;
 use super::course::Course;
 use super::network::Network;
 use super::simd::{Double, numbers_of, numbers_of_mut};
+use crate::backends::networks::Status;
 
-/// The share of running lanes in equilibrium, in eighths, from which it pays that the others pause: the group then
-/// computes tangents in too few lanes, but no iteration more. `docs/kernel.md` has the measurements.
+/// The share of lanes in equilibrium, in eighths, from which it pays that the others pause: no lane then repeats an
+/// iteration, but those that pause have no tangent to compute. `docs/kernel.md` has the measurements.
 const LEAST_EIGHTHS: usize = 5;
 
 /// A network between two groups.
 #[derive(Clone, Debug)]
 pub struct Paused {
     pub(super) course: Course,
-    /// The positions of the interior nodes, in the order of elimination, and the direction in which they were moved.
+    /// The positions of the interior nodes, in the order of elimination, and the direction of the step that led there, if
+    /// this is yet to be judged.
     positions: Vec<[f64; 3]>,
     direction: Vec<[f64; 3]>,
 }
@@ -42,15 +44,24 @@ impl Paused {
         }
     }
 
+    /// The number of interior nodes.
+    pub(super) fn interior(&self) -> usize {
+        self.positions.len()
+    }
+
     /// Newton iterations so far.
     pub fn iterations(&self) -> usize {
         self.course.iterations as usize
     }
 }
 
-/// Returns whether it pays that the lanes of a group that are not in equilibrium pause.
-pub(super) fn pays(courses: &[Course], is_in_equilibrium: impl Fn(&Course) -> bool) -> bool {
-    let running = courses.iter().filter(|course| course.runs()).count();
-    let done = courses.iter().filter(|course| course.runs() && is_in_equilibrium(course)).count();
-    done < running && 8 * done >= LEAST_EIGHTHS * running
+/// Returns whether it pays that the lanes of a group that still search for their equilibrium pause.
+pub(super) fn pays(courses: &[Course], searches: impl Fn(&Course) -> bool) -> bool {
+    let searching = courses.iter().filter(|course| searches(course)).count();
+    let is_done = |course: &&Course| match course.status {
+        Some(status) => status == Status::Converged,
+        None => !searches(course),
+    };
+    let done = courses.iter().filter(is_done).count();
+    searching > 0 && 8 * done >= LEAST_EIGHTHS * (done + searching)
 }

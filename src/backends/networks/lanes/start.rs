@@ -20,7 +20,7 @@ pub struct LaneStart<'a> {
     /// Eighteen numbers for each interior node, if the start is to be predicted: the sensitivities of its position to the
     /// six unit strains, minus those of the affine motion.
     pub sensitivities: Option<&'a [[f32; 3 * MODES]]>,
-    /// Where the solution paused, if it goes on; the target is then that of before, and the state does not matter.
+    /// Where the solution paused, if it goes on. The target must then be that of before; the state does not matter.
     pub paused: Option<&'a Paused>,
 }
 
