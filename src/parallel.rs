@@ -84,7 +84,7 @@ fn for_each_number(len: usize, work: &(dyn Fn(usize) + Sync)) {
 
 /// Calls `work` with every item: each thread takes the next one as soon as it is free. Returns the results in the order
 /// of the items. If the items come in descending order of their cost, the threads end at about the same time.
-#[cfg(any(feature = "app", feature = "sparse", test))]
+#[cfg(any(feature = "app", test))]
 pub(crate) fn take_in_turn<I: Send, R: Send>(items: Vec<I>, work: impl Fn(I) -> R + Sync + Send) -> Vec<R> {
     if items.len() <= 1 || threads() == 1 {
         return items.into_iter().map(work).collect();
