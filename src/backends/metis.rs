@@ -14,13 +14,32 @@ use metis_sys::{METIS_NodeND, METIS_PartGraphRecursive, idx_t, real_t, rstatus_e
 /// time, so that results do not depend on other threads.
 static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
 
+/// A graph: the neighbors of its nodes, each of which has the node as a neighbor. Any sequence of lists is one.
+pub trait Graph {
+    /// The number of nodes.
+    fn nodes(&self) -> usize;
+
+    /// The neighbors of a node.
+    fn near(&self, node: usize) -> &[u32];
+}
+
+impl<T: AsRef<[Vec<u32>]> + ?Sized> Graph for T {
+    fn nodes(&self) -> usize {
+        self.as_ref().len()
+    }
+
+    fn near(&self, node: usize) -> &[u32] {
+        &self.as_ref()[node]
+    }
+}
+
 /// Partitions a graph into `parts` parts with about equal numbers of nodes and few edges between them; returns the part
-/// of every node. `near[node]` lists the neighbors of a node, each of which must also list that node.
+/// of every node.
 ///
 /// # Errors
 /// Returns a message if a neighbor is out of range or METIS fails (with its status).
-pub fn partition(near: &[Vec<u32>], parts: usize) -> Result<Vec<u32>, String> {
-    partition_weighted(near, &[], parts)
+pub fn partition(graph: &(impl Graph + ?Sized), parts: usize) -> Result<Vec<u32>, String> {
+    partition_weighted(graph, &[], parts)
 }
 
 /// Partitions a graph as [`partition`] does, into parts of about equal weight: `weights` contains the weight of every
@@ -28,34 +47,37 @@ pub fn partition(near: &[Vec<u32>], parts: usize) -> Result<Vec<u32>, String> {
 ///
 /// # Errors
 /// Returns the errors of [`partition`], and a message if the number of weights, a weight, or their sum is out of range.
-pub fn partition_weighted(near: &[Vec<u32>], weights: &[i32], parts: usize) -> Result<Vec<u32>, String> {
+pub fn partition_weighted(graph: &(impl Graph + ?Sized), weights: &[i32], parts: usize) -> Result<Vec<u32>, String> {
+    let nodes = graph.nodes();
     let sum: i64 = weights.iter().map(|&weight| i64::from(weight)).sum();
-    let fits = weights.is_empty() || weights.len() == near.len();
+    let fits = weights.is_empty() || weights.len() == nodes;
     if !fits || weights.iter().any(|&weight| weight < 0) || sum > i64::from(i32::MAX) {
-        return Err(format!("{} weights with the sum {sum} for {} nodes", weights.len(), near.len()));
+        return Err(format!("{} weights with the sum {sum} for {nodes} nodes", weights.len()));
     }
-    if near.iter().flatten().any(|&node| node as usize >= near.len()) {
-        return Err(format!("a neighbor beyond the last of {} nodes", near.len()));
+    if (0..nodes).flat_map(|node| graph.near(node)).any(|&node| node as usize >= nodes) {
+        return Err(format!("a neighbor beyond the last of {nodes} nodes"));
     }
-    let ones = if weights.is_empty() { vec![1; near.len()] } else { Vec::new() };
-    let weights = if weights.is_empty() { &ones } else { weights };
-    let mut bisection = Bisection { near, weights, part_of: vec![0; near.len()], number_of: vec![None; near.len()] };
-    bisection.divide((0..near.len() as u32).collect(), 0, parts)?;
+    let mut bisection = Bisection { graph, weights, part_of: vec![0; nodes], number_of: vec![NONE; nodes] };
+    bisection.divide((0..nodes as u32).collect(), 0, parts)?;
     Ok(bisection.part_of)
 }
 
 /// Recursive bisection of a graph, as METIS does it in one call. There METIS prints to the standard output of the
 /// program if a part of a bisection, which is to be divided further, has no node; here this part gets as many parts as
 /// it has nodes.
-struct Bisection<'a> {
-    near: &'a [Vec<u32>],
+struct Bisection<'a, G: ?Sized> {
+    graph: &'a G,
+    /// Empty if all nodes have the same weight.
     weights: &'a [i32],
     part_of: Vec<u32>,
-    /// The number of each node among those to be bisected; `None` for all others.
-    number_of: Vec<Option<u32>>,
+    /// The number of each node among those to be bisected; [`NONE`] for all others.
+    number_of: Vec<u32>,
 }
 
-impl Bisection<'_> {
+/// The number of a node that is not to be bisected.
+const NONE: u32 = u32::MAX;
+
+impl<G: Graph + ?Sized> Bisection<'_, G> {
     /// Divides nodes into so many parts from number `first`. Every part gets a node if there are enough of them.
     fn divide(&mut self, nodes: Vec<u32>, first: u32, parts: usize) -> Result<(), String> {
         if parts <= 1 || nodes.len() <= parts {
@@ -75,15 +97,16 @@ impl Bisection<'_> {
     /// Returns for each of at least three nodes whether it belongs to the first of two sets, which has about `share` of
     /// the weight. None of the sets is empty.
     fn bisect(&mut self, nodes: &[u32], share: f64) -> Result<Vec<bool>, String> {
-        (0..).zip(nodes).for_each(|(number, &node)| self.number_of[node as usize] = Some(number));
+        (0..).zip(nodes).for_each(|(number, &node)| self.number_of[node as usize] = number);
         let (mut start, mut neighbors): (Vec<idx_t>, Vec<idx_t>) = (vec![0], Vec::new());
         for &node in nodes {
-            let near = self.near[node as usize].iter().filter_map(|&near| self.number_of[near as usize]);
-            neighbors.extend(near.map(|number| number as idx_t));
+            let near = self.graph.near(node as usize).iter().map(|&near| self.number_of[near as usize]);
+            neighbors.extend(near.filter(|&number| number != NONE).map(|number| number as idx_t));
             start.push(neighbors.len() as idx_t);
         }
-        nodes.iter().for_each(|&node| self.number_of[node as usize] = None);
-        let weights: Vec<idx_t> = nodes.iter().map(|&node| self.weights[node as usize] as idx_t).collect();
+        nodes.iter().for_each(|&node| self.number_of[node as usize] = NONE);
+        let weights: Vec<idx_t> =
+            nodes.iter().map(|&node| self.weights.get(node as usize).map_or(1, |&weight| weight as idx_t)).collect();
         // METIS rejects a graph without edges.
         if !neighbors.is_empty() && weights.iter().any(|&weight| weight > 0) {
             let is_first = bisect_by_metis(start, neighbors, weights.clone(), share)?;

@@ -31,29 +31,98 @@ struct Face {
     forward: bool,
 }
 
-/// Returns the faces of these elements, sorted by their keys.
-fn sorted_faces(elements: &Elements) -> Vec<Face> {
-    let mut faces = Vec::with_capacity(4 * elements.len());
+/// The faces of elements by their lowest corners, of which only the numbers are kept: a mesh has about twice as many faces
+/// as elements, and each is the face of two elements.
+struct FacesByCorner<'a> {
+    elements: &'a Elements,
+    /// By node: the place of the first of its faces in the lists, and after the last node, their number.
+    first: Vec<u32>,
+    /// The element of each face, and the number of the face within its element.
+    element_of: Vec<u32>,
+    local_of: Vec<u8>,
+}
+
+impl<'a> FacesByCorner<'a> {
+    fn new(elements: &'a Elements) -> Self {
+        let nodes = elements.iter().flatten().max().map_or(0, |&node| node as usize + 1);
+        let mut first = vec![0; nodes + 1];
+        for_each_face(elements, |_, _, lowest| first[lowest as usize + 1] += 1);
+        (0..nodes).for_each(|node| first[node + 1] += first[node]);
+        let count = first[nodes] as usize;
+        let (mut element_of, mut local_of, mut next) = (vec![0; count], vec![0; count], first.clone());
+        for_each_face(elements, |element, local, lowest| {
+            let place = next[lowest as usize] as usize;
+            (element_of[place], local_of[place]) = (element, local);
+            next[lowest as usize] += 1;
+        });
+        Self { elements, first, element_of, local_of }
+    }
+
+    /// Writes the faces with this lowest corner, sorted by their keys, into `faces`.
+    fn at(&self, lowest: usize, faces: &mut Vec<Face>) {
+        faces.clear();
+        let Some(&[start, end]) = self.first.get(lowest..lowest + 2) else { return };
+        let numbers = start as usize..end as usize;
+        let of = self.element_of[numbers.clone()].iter().zip(&self.local_of[numbers]);
+        faces.extend(of.map(|(&element, &local)| self.face(element, local)));
+        faces.sort_unstable_by_key(|face| (face.key, face.forward, face.element));
+    }
+
+    fn face(&self, element: u32, local: u8) -> Face {
+        let nodes = &self.elements[element as usize];
+        let corners = self.elements.cell_type(element as usize).face_corners()[usize::from(local)];
+        let mut of_face = [0; 4];
+        let of_face = &mut of_face[..corners.len()];
+        of_face.iter_mut().zip(corners).for_each(|(slot, &corner)| *slot = nodes[corner]);
+        let (key, forward) = key(of_face);
+        Face { key, element, local, forward }
+    }
+
+    /// Calls `action` with the faces of each lowest corner, sorted by their keys, in the order of the keys.
+    fn try_each<E>(&self, mut action: impl FnMut(&[Face]) -> Result<(), E>) -> Result<(), E> {
+        let mut faces = Vec::new();
+        for lowest in 0..self.first.len() - 1 {
+            self.at(lowest, &mut faces);
+            action(&faces)?;
+        }
+        Ok(())
+    }
+
+    /// Returns the faces with this key: none, one at the boundary, or two between elements.
+    fn owners(&self, key: Key) -> Vec<Face> {
+        let mut faces = Vec::new();
+        self.at(key[0] as usize, &mut faces);
+        faces.retain(|face| face.key == key);
+        faces
+    }
+
+    /// Calls `action` with the two elements of each face between elements.
+    fn each_pair(&self, mut action: impl FnMut(u32, u32)) {
+        let _: Result<(), std::convert::Infallible> = self.try_each(|faces| {
+            let pairs = faces.windows(2).filter(|pair| pair[0].key == pair[1].key);
+            pairs.for_each(|pair| action(pair[0].element, pair[1].element));
+            Ok(())
+        });
+    }
+}
+
+/// Calls `action` with the element of each face, its number within the element, and its lowest corner.
+fn for_each_face(elements: &Elements, mut action: impl FnMut(u32, u8, u32)) {
     for block in elements.blocks() {
         let corners = block.cell_type().face_corners();
         for (element, nodes) in (block.range().start as u32..).zip(block.iter()) {
             for (local, corners) in (0..).zip(corners) {
-                let mut of_face = [0; 4];
-                let of_face = &mut of_face[..corners.len()];
-                of_face.iter_mut().zip(*corners).for_each(|(slot, &corner)| *slot = nodes[corner]);
-                let (key, forward) = key(of_face);
-                faces.push(Face { key, element, local, forward });
+                let lowest = corners.iter().map(|&corner| nodes[corner]).min().unwrap_or_default();
+                action(element, local, lowest);
             }
         }
     }
-    faces.sort_unstable_by_key(|face| (face.key, face.forward, face.element));
-    faces
 }
 
-/// All faces of the elements of a mesh, sorted by their keys.
+/// All faces of the elements of a mesh.
 pub(super) struct ElementFaces<'a> {
     elements: &'a Elements,
-    faces: Vec<Face>,
+    faces: FacesByCorner<'a>,
 }
 
 impl<'a> ElementFaces<'a> {
@@ -63,21 +132,26 @@ impl<'a> ElementFaces<'a> {
     /// Returns [`MeshError::Overlap`] if two elements lie on the same side of a face, which includes three elements at
     /// one face and duplicate elements, and [`MeshError::Nonconforming`] if two elements have different nodes on a face.
     pub fn of(elements: &'a Elements) -> Result<Self, MeshError> {
-        let all = Self { elements, faces: sorted_faces(elements) };
-        for pair in all.faces.windows(2) {
-            let [first, second] = pair else { continue };
-            if first.key == second.key {
+        let all = Self { elements, faces: FacesByCorner::new(elements) };
+        let is_quadratic = all.is_quadratic();
+        all.faces.try_each(|faces| {
+            for pair in faces.windows(2) {
+                let [first, second] = pair else { continue };
+                if first.key != second.key {
+                    continue;
+                }
                 let (one, other) = (first.element as usize, second.element as usize);
                 let face = || first.key.into_iter().filter(|&corner| corner != NO_CORNER).collect();
                 if first.forward == second.forward {
                     return Err(MeshError::Overlap { first: one, second: other, face: face() });
                 }
-                if all.is_quadratic() && all.sorted_nodes(first) != all.sorted_nodes(second) {
+                if is_quadratic && all.sorted_nodes(first) != all.sorted_nodes(second) {
                     let (one, other) = (one.min(other), one.max(other));
                     return Err(MeshError::Nonconforming { first: one, second: other, face: face() });
                 }
             }
-        }
+            Ok(())
+        })?;
         Ok(all)
     }
 
@@ -111,11 +185,11 @@ impl<'a> ElementFaces<'a> {
             let mut inward = Vec::new();
             for (number, (face_type, nodes)) in faces.typed().enumerate() {
                 let (key, forward) = key(&nodes[..face_type.corners()]);
-                let owners = self.owners(key);
+                let owners = self.faces.owners(key);
                 if !owners.iter().any(|owner| self.has_nodes(owner, face_type, nodes)) {
                     return Err(MeshError::NotAFace { surface: name.clone(), face: number, nodes: nodes.to_vec() });
                 }
-                if matches!(owners, [owner] if owner.forward != forward) {
+                if matches!(&owners[..], [owner] if owner.forward != forward) {
                     inward.push((number, face_type));
                 }
                 order.push((key, number));
@@ -158,36 +232,49 @@ impl<'a> ElementFaces<'a> {
         let forward: Vec<usize> = (0..nodes.len()).collect();
         [&forward[..], face_type.reversed()].iter().any(|order| (0..corners).any(|start| matches_from(order, start)))
     }
-
-    /// Returns the faces with this key: none, one at the boundary, or two between elements.
-    fn owners(&self, key: Key) -> &[Face] {
-        let start = self.faces.partition_point(|face| face.key < key);
-        let count = self.faces[start..].iter().take_while(|face| face.key == key).count();
-        &self.faces[start..start + count]
-    }
 }
 
 /// Returns true if all these faces lie between two elements.
 pub(super) fn lie_between(elements: &Elements, faces: &Faces) -> bool {
-    let all = sorted_faces(elements);
-    faces.typed().all(|(face_type, nodes)| {
-        let (key, _) = key(&nodes[..face_type.corners()]);
-        let start = all.partition_point(|face| face.key < key);
-        all[start..].iter().take_while(|face| face.key == key).count() == 2
-    })
+    let all = FacesByCorner::new(elements);
+    faces.typed().all(|(face_type, nodes)| all.owners(key(&nodes[..face_type.corners()]).0).len() == 2)
 }
 
-/// For each element, returns the elements that share a face with it, ascending.
-pub(super) fn neighbors(elements: &Elements) -> Vec<Vec<u32>> {
-    let mut near = vec![Vec::new(); elements.len()];
-    for pair in sorted_faces(elements).windows(2) {
-        if let [a, b] = pair
-            && a.key == b.key
-        {
-            near[a.element as usize].push(b.element);
-            near[b.element as usize].push(a.element);
-        }
+/// The elements that share a face with each element.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Neighbors {
+    /// By element: the place of the first of its neighbors, and after the last element, their number.
+    first: Vec<usize>,
+    near: Vec<u32>,
+}
+
+impl Neighbors {
+    pub(super) fn new(elements: &Elements) -> Self {
+        let faces = FacesByCorner::new(elements);
+        let mut first = vec![0; elements.len() + 1];
+        faces.each_pair(|a, b| [a, b].into_iter().for_each(|element| first[element as usize + 1] += 1));
+        (0..elements.len()).for_each(|element| first[element + 1] += first[element]);
+        let (mut near, mut next) = (vec![0; first[elements.len()]], first.clone());
+        faces.each_pair(|a, b| {
+            for [element, neighbor] in [[a, b], [b, a]] {
+                near[next[element as usize]] = neighbor;
+                next[element as usize] += 1;
+            }
+        });
+        first.windows(2).for_each(|of_element| near[of_element[0]..of_element[1]].sort_unstable());
+        Self { first, near }
     }
-    near.iter_mut().for_each(|near| near.sort_unstable());
-    near
+
+    /// The number of elements.
+    pub fn elements(&self) -> usize {
+        self.first.len() - 1
+    }
+
+    /// Returns the neighbors of an element, ascending.
+    ///
+    /// # Panics
+    /// Panics if there is no such element.
+    pub fn of(&self, element: usize) -> &[u32] {
+        &self.near[self.first[element]..self.first[element + 1]]
+    }
 }

@@ -37,6 +37,7 @@ pub mod shapes;
 pub use cells::{Block, Cells, Elements, Faces};
 pub use check::MeshError;
 pub use excerpt::{Excerpt, ExcerptElements};
+pub use faces::Neighbors;
 pub(super) use measure::longest_edge;
 pub use part::{Division, Part, Sizes};
 pub use points::{IntegrationPoint, PointNumbering};
@@ -180,9 +181,9 @@ impl Mesh {
         self.surfaces.iter().find(|surface| surface.name == name)
     }
 
-    /// For each element, returns the elements that share a face with it, ascending.
-    pub fn neighbors(&self) -> Vec<Vec<u32>> {
-        faces::neighbors(&self.elements)
+    /// Returns the elements that share a face with each element.
+    pub fn neighbors(&self) -> Neighbors {
+        Neighbors::new(&self.elements)
     }
 
     /// Returns true if all these faces lie between two elements.

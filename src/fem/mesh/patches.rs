@@ -56,11 +56,12 @@ fn tetrahedron_patches(mesh: &Mesh, tetrahedra: Vec<u32>) -> Vec<Vec<u32>> {
         }
     }
     let mut left: Vec<u32> = tetrahedra.into_iter().filter(|element| !patch_of.contains_key(element)).collect();
-    let neighbors = if left.is_empty() { Vec::new() } else { mesh.neighbors() };
+    let neighbors = (!left.is_empty()).then(|| mesh.neighbors());
+    let near = |element: u32| neighbors.as_ref().map_or(&[][..], |neighbors| neighbors.of(element as usize));
     while !left.is_empty() {
         let before = left.len();
         left.retain(|&element| {
-            let beside = neighbors[element as usize].iter().filter_map(|neighbor| patch_of.get(neighbor).copied());
+            let beside = near(element).iter().filter_map(|neighbor| patch_of.get(neighbor).copied());
             let Some(patch) = beside.min_by_key(|&patch| (patches[patch].len(), patch)) else { return true };
             patch_of.insert(element, patch);
             patches[patch].push(element);

@@ -1,6 +1,8 @@
 //! Assignment of the elements to the ranks of the macro scale.
 
 use crate::fem::mesh::Mesh;
+#[cfg(feature = "metis")]
+use crate::fem::mesh::Neighbors;
 
 /// Returns the shard of every element: `shards` shards with about as many elements each and few faces between them, the
 /// same on every rank. METIS partitions if it is compiled in (cargo feature `metis`) and leaves no shard empty;
@@ -19,6 +21,17 @@ pub fn partition(mesh: &Mesh, shards: usize) -> Vec<u32> {
     let mut all: Vec<u32> = (0..elements as u32).collect();
     bisect(&centers, &mut all, 0, shards, &mut shard_of);
     shard_of
+}
+
+#[cfg(feature = "metis")]
+impl crate::backends::metis::Graph for Neighbors {
+    fn nodes(&self) -> usize {
+        self.elements()
+    }
+
+    fn near(&self, element: usize) -> &[u32] {
+        self.of(element)
+    }
 }
 
 /// Partitions by METIS; `None` if METIS fails or leaves a shard empty, which happens if there are few elements.
@@ -75,9 +88,9 @@ mod tests {
         let mesh = cuboid([8, 1, 1], [8.0, 1.0, 1.0]).unwrap();
         let shard_of = partition(&mesh, 2);
         let neighbors = mesh.neighbors();
-        let between = neighbors.iter().enumerate().flat_map(|(element, near)| {
+        let between = (0..mesh.elements().len()).flat_map(|element| {
             let shard_of = &shard_of;
-            near.iter().filter(move |&&other| shard_of[other as usize] != shard_of[element])
+            neighbors.of(element).iter().filter(move |&&other| shard_of[other as usize] != shard_of[element])
         });
         assert!(between.count() <= 2 * 4, "few faces lie between the shards");
     }

@@ -41,7 +41,10 @@ pub struct MeshFile {
 /// Returns [`InputError`] if the file cannot be read, is damaged, or contains unsupported data.
 pub fn read(path: &Path) -> Result<MeshFile, InputError> {
     let bytes = std::fs::read(path).map_err(|error| InputError::unreadable(path, &error))?;
-    parse(&bytes, path)
+    let raw = sections(&bytes, path)?;
+    // A large file takes as much memory as the mesh.
+    drop(bytes);
+    assemble::assemble(raw, path)
 }
 
 /// Parses the contents of a mesh file; `path` is the file name in error messages.
@@ -49,6 +52,11 @@ pub fn read(path: &Path) -> Result<MeshFile, InputError> {
 /// # Errors
 /// As for [`read`].
 pub fn parse(bytes: &[u8], path: &Path) -> Result<MeshFile, InputError> {
+    assemble::assemble(sections(bytes, path)?, path)
+}
+
+/// Reads the sections of a file.
+fn sections(bytes: &[u8], path: &Path) -> Result<Raw, InputError> {
     let mut cursor = Cursor::new(without_byte_order_mark(bytes), path);
     let version = header(&mut cursor)?;
     let mut raw = Raw { version, ..Raw::default() };
@@ -73,7 +81,7 @@ pub fn parse(bytes: &[u8], path: &Path) -> Result<MeshFile, InputError> {
         cursor.end_section()?;
     }
     cursor.finish(&mut raw);
-    assemble::assemble(raw, path)
+    Ok(raw)
 }
 
 /// Reads `$MeshFormat` and sets the encoding of the cursor.

@@ -30,6 +30,8 @@ pub(super) fn elements(cursor: &mut Cursor<'_>, raw: &mut Raw) -> Result<(), Inp
     raw.once(cursor, "Elements")?;
     let count = cursor.text_count("the number of elements")?;
     cursor.expect_count("elements", count);
+    // Most elements of a file are volumes.
+    raw.volumes.reserve_exact(cursor.at_most(count, 16));
     if cursor.is_text() {
         for _ in 0..count {
             cursor.begin_row();

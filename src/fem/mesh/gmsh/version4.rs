@@ -3,6 +3,7 @@
 use super::cursor::{Cursor, DAMAGED};
 use super::element_type::ElementTreatment;
 use super::raw::{Raw, RawNode, element_treatment};
+use crate::fem::element::CellType;
 use crate::input::InputError;
 
 /// Reads `$Entities`: the physical groups of points, curves, surfaces and volumes of the geometry.
@@ -97,6 +98,8 @@ pub(super) fn elements(cursor: &mut Cursor<'_>, raw: &mut Raw) -> Result<(), Inp
     const BLOCK: &str = "a block of elements: dimension and tag of its entity, type and number of its elements";
     raw.once(cursor, "Elements")?;
     let Blocks { blocks, count } = Blocks::read(cursor, "elements")?;
+    // Most elements of a file are volumes.
+    raw.volumes.reserve_exact(cursor.at_most(count, 4));
     let mut found = 0_u64;
     for _ in 0..blocks {
         cursor.begin_row();
@@ -114,6 +117,10 @@ pub(super) fn elements(cursor: &mut Cursor<'_>, raw: &mut Raw) -> Result<(), Inp
         if dimension != own {
             let problem = format!("a block of {noun} lies on an entity of dimension {dimension}");
             return Err(cursor.error(problem, format!("dimension {own}"), DAMAGED));
+        }
+        if let ElementTreatment::Volume(element_type) = treatment {
+            let nodes = here.saturating_mul(element_type.nodes() as u64);
+            raw.node_tags.reserve_exact(cursor.at_most(nodes, 4));
         }
         for _ in 0..here {
             cursor.begin_row();
