@@ -7,6 +7,7 @@ use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use super::point_values::PointValues;
 use crate::fem::material::{
     Guccione, HolmesMow, HolzapfelGasserOgden, LinearElastic, Material, MaterialError, NeoHookean, Response,
     TransverseModuli, TransverselyIsotropic,
@@ -98,7 +99,7 @@ pub enum Formulas {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PointFormulas {
     distinct: Vec<Arc<Formula>>,
-    of_point: Vec<u32>,
+    of_point: PointValues<u32>,
 }
 
 /// A point refers to a formula that does not exist.
@@ -126,12 +127,27 @@ impl PointFormulas {
         if let Some((point, &formula)) = of_point.iter().enumerate().find(is_wrong) {
             return Err(PointFormulaError { point, formula, formulas: formulas.len() });
         }
-        Ok(Self { distinct: formulas.into_iter().map(Arc::new).collect(), of_point })
+        Ok(Self { distinct: formulas.into_iter().map(Arc::new).collect(), of_point: PointValues::new(of_point) })
     }
 
     /// Returns the index of the formula of each point, or [`PointFormulas::NONE`].
     pub fn of_point(&self) -> &[u32] {
-        &self.of_point
+        self.of_point.values()
+    }
+
+    /// Returns the formulas of these points of the mesh, ascending, and no others.
+    pub fn on_points(&self, points: &[usize]) -> Self {
+        let of_point = self.of_point.on_points(points, |formula| formula != Self::NONE);
+        let (mut distinct, mut number_of) = (Vec::new(), vec![Self::NONE; self.distinct.len()]);
+        let of_point = of_point.map(|formula| {
+            let number = &mut number_of[formula as usize];
+            if *number == Self::NONE {
+                *number = distinct.len() as u32;
+                distinct.push(Arc::clone(&self.distinct[formula as usize]));
+            }
+            *number
+        });
+        Self { distinct, of_point }
     }
 }
 
@@ -140,7 +156,15 @@ impl Formulas {
     pub fn at(&self, point: usize) -> Option<&Arc<Formula>> {
         match self {
             Self::Uniform(formula) => Some(formula),
-            Self::Points(points) => points.distinct.get(*points.of_point.get(point)? as usize),
+            Self::Points(points) => points.distinct.get(points.of_point.get(point)? as usize),
+        }
+    }
+
+    /// Returns the formulas of these points of the mesh, ascending; those of all points if they are the same.
+    pub fn on_points(&self, points: &[usize]) -> Self {
+        match self {
+            Self::Uniform(formula) => Self::Uniform(Arc::clone(formula)),
+            Self::Points(of) => Self::Points(Arc::new(of.on_points(points))),
         }
     }
 
@@ -265,8 +289,12 @@ mod tests {
         let formulas = || [1.0, 2.0].map(|k| Formula::custom(Springs(k))).to_vec();
         let points = PointFormulas::new(formulas(), vec![1, PointFormulas::NONE, 0]).unwrap();
         let points = Formulas::Points(Arc::new(points));
-        let at = |point| points.at(point).map(|formula| (**formula).clone());
-        assert_eq!([at(0), at(1), at(3)], [Some(Formula::custom(Springs(2.0))), None, None]);
+        let at = |points: &Formulas, point| points.at(point).map(|formula| (**formula).clone());
+        let [soft, stiff] = [1.0, 2.0].map(|k| Some(Formula::custom(Springs(k))));
+        assert_eq!([0, 1, 3].map(|point| at(&points, point)), [stiff, None, None]);
+        let some = points.on_points(&[1, 2]);
+        assert_eq!([0, 1, 2, 3].map(|point| at(&some, point)), [None, None, soft, None]);
+        assert_eq!(some.distinct().len(), 1);
         let wrong = PointFormulas::new(formulas(), vec![0, 2]).unwrap_err();
         assert_eq!(wrong, PointFormulaError { point: 1, formula: 2, formulas: 2 });
     }

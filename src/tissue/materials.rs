@@ -1,10 +1,10 @@
 //! The description of the materials of a body: the material of every region, and how its RVEs are solved.
 
 use std::path::PathBuf;
-use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
+use super::point_values::PointValues;
 use crate::fiber::equilibrium::Stages;
 use crate::fiber::law::FiberMaterial;
 use crate::fiber::rve::StressScale;
@@ -72,6 +72,32 @@ pub struct FiberRve<F = Formulas, N = PointNetworks, V = PointFractions> {
     pub lifecycle: RveLifecycle,
 }
 
+impl RegionMaterial {
+    /// Returns the material with the values of these points of the mesh, ascending, and no others.
+    pub fn on_points(&self, points: &[usize]) -> Self {
+        match self {
+            Self::Formula(formulas) => Self::Formula(formulas.on_points(points)),
+            Self::FiberRve(rve) => Self::FiberRve(rve.on_points(points)),
+        }
+    }
+}
+
+impl FiberRve {
+    fn on_points(&self, points: &[usize]) -> Self {
+        let assignment = match &self.assignment {
+            NetworkAssignment::Random => NetworkAssignment::Random,
+            NetworkAssignment::Cycle => NetworkAssignment::Cycle,
+            NetworkAssignment::Field(networks) => NetworkAssignment::Field(networks.on_points(points)),
+        };
+        let scale = match &self.scale {
+            RveScale::Uniform(scale) => RveScale::Uniform(*scale),
+            RveScale::Fractions(fractions) => RveScale::Fractions(fractions.on_points(points)),
+        };
+        let matrix = self.matrix.as_ref().map(|formulas| formulas.on_points(points));
+        self.with_fields((self.networks.clone(), assignment), scale, matrix)
+    }
+}
+
 impl<F, N, V> FiberRve<F, N, V> {
     /// Returns the material with another matrix; `None` if its networks or fractions are given by fields.
     pub fn without_fields<G, M, W>(&self, matrix: Option<G>) -> Option<FiberRve<G, M, W>> {
@@ -109,7 +135,7 @@ pub enum NetworkAssignment<N = PointNetworks> {
 
 /// The network of every point of a mesh: its index in [`FiberRve::networks`].
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct PointNetworks(Arc<[u32]>);
+pub struct PointNetworks(PointValues<u32>);
 
 impl PointNetworks {
     /// The index of points in other regions.
@@ -117,12 +143,22 @@ impl PointNetworks {
 
     /// Gives each point of the mesh the index of its network, or [`PointNetworks::NONE`].
     pub fn new(of_point: Vec<u32>) -> Self {
-        Self(of_point.into())
+        Self(PointValues::new(of_point))
     }
 
     /// Returns the index of the network of each point.
     pub fn of_point(&self) -> &[u32] {
-        &self.0
+        self.0.values()
+    }
+
+    /// Returns the index of the network of a point; `None` if none was given to it.
+    pub fn at(&self, point: usize) -> Option<u32> {
+        self.0.get(point)
+    }
+
+    /// Returns the networks of these points of the mesh, ascending, and no others.
+    pub fn on_points(&self, points: &[usize]) -> Self {
+        Self(self.0.on_points(points, |network| network != Self::NONE))
     }
 }
 
@@ -147,7 +183,7 @@ impl<V> From<StressScale> for RveScale<V> {
 /// proportional to its fraction, which does not change its equilibrium.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PointFractions {
-    of_point: Arc<[f64]>,
+    of_point: PointValues<f64>,
     greatest: f64,
 }
 
@@ -155,12 +191,17 @@ impl PointFractions {
     /// Gives each point of the mesh its fraction, above 0 and at most 1; NaN to points of other regions.
     pub fn new(of_point: Vec<f64>) -> Self {
         let greatest = of_point.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        Self { greatest: if greatest > 0.0 { greatest } else { 1.0 }, of_point: of_point.into() }
+        Self { greatest: if greatest > 0.0 { greatest } else { 1.0 }, of_point: PointValues::new(of_point) }
     }
 
     /// Returns the fraction of each point.
     pub fn of_point(&self) -> &[f64] {
-        &self.of_point
+        self.of_point.values()
+    }
+
+    /// Returns the fractions of these points of the mesh, ascending, and no others; the greatest is that of all points.
+    pub fn on_points(&self, points: &[usize]) -> Self {
+        Self { of_point: self.of_point.on_points(points, |fraction| !fraction.is_nan()), greatest: self.greatest }
     }
 
     /// Returns the greatest fraction; 1 if no point has one.
@@ -183,7 +224,7 @@ impl RveScale {
         match self {
             Self::Uniform(_) => Some(1.0),
             Self::Fractions(fractions) => {
-                let fraction = *fractions.of_point.get(point)?;
+                let fraction = fractions.of_point.get(point)?;
                 (!fraction.is_nan()).then(|| fraction / fractions.greatest)
             }
         }

@@ -11,5 +11,6 @@
 mod formula;
 pub mod materials;
 pub mod micro_scale;
+mod point_values;
 pub mod replay;
 pub mod two_scale;

@@ -6,7 +6,7 @@ use std::process::Command;
 
 use biotissue::app::results::{Fields, PointValues, read_fields, read_points};
 
-use crate::balance::{BY_ITERATIONS, restless, uneven};
+use crate::balance::{BY_ITERATIONS, migrations, restless, uneven};
 use crate::ranks::processes::{assert_same_to_rounding, launched, mpirun_done, one_at_a_time};
 use crate::ranks::{read, with_life_cycles, with_scales};
 use crate::run::{PRESSED, events, fibers, run, write_case};
@@ -19,7 +19,8 @@ fn loaded(element: &str, order: usize) -> String {
     format!(
         "[mesh]\ngenerate = {{ shape = \"box\", cells = [4, 3, 2], size = [2.0, 1.5, 1.0], element = \"{element}\" }}\n{order}\
          [[region]]\nname = \"*\"\n\
-         material = {{ model = \"neo-hookean\", shear_modulus = \"1000 + 200*x\", poisson_ratio = 0.3 }}\n\
+         material = {{ model = \"guccione\", c = \"1000 + 200*x\", bf = 3, bt = 2, bfs = 2, bulk_modulus = 2e4, \
+         axis = [\"1 + y\", \"x\", 0] }}\n\
          [[boundary]]\nsurface = \"x0\"\ndisplacement = {{ x = 0.0, y = 0.0, z = 0.0 }}\n\
          [[boundary]]\nsurface = \"x1\"\ntraction = [100.0, 30.0, \"20*y\"]\n\
          [[boundary]]\nsurface = \"z1\"\npressure = 80.0\n\
@@ -159,8 +160,8 @@ fn conditions_of_the_whole_body_hold_in_parts() {
     }
 }
 
-/// Networks, fractions and matrices that vary over the body: ranks that do not read the mesh get them from the one that
-/// does.
+/// Networks, fractions and matrices that vary over the body: each rank has those of its part, and RVEs bring theirs along
+/// when they are created, late here, and when they migrate.
 #[test]
 fn materials_that_depend_on_the_mesh_are_those_of_the_whole_body() {
     let _turn = one_at_a_time();
@@ -177,15 +178,27 @@ fn materials_that_depend_on_the_mesh_are_those_of_the_whole_body() {
         law = { name = \"linear\", youngs_modulus = 1.0e8, radius = 5.0e-8 }\n\
         matrix = { model = \"neo-hookean\", shear_modulus = \"1000 + 200*x\", poisson_ratio = 0.3 }\n\
         [[boundary]]\nsurface = \"x0\"\ndisplacement = { x = 0.0, y = 0.0, z = 0.0 }\n\
-        [[boundary]]\nsurface = \"x1\"\ndisplacement = { x = 0.1, y = 0.0, z = 0.0 }\n\
-        [newton]\ntolerance = 1e-12\n[steps]\ncount = 2\n[output]\npoints = true\n";
-    run(folder, text, "--out alone --backend sparse").done();
-    for (above, below, points) in [(3, 2, "pvtu"), (1, 2, "vtu")] {
-        write_case(folder, "case.toml", &with_scales(text, (above, below)));
-        mpirun_done(folder, above + below, "run case.toml --backend petsc --out parts");
-        assert_same_to_rounding(&read(folder, "parts/loads.csv"), &read(folder, "alone/loads.csv"));
-        let found = folder.join(format!("parts/points-00002.{points}"));
-        assert_same_points(&found, &folder.join("alone/points-00002.vtu"));
+        [[boundary]]\nsurface = \"x1\"\ndisplacement = { x = 0.2, y = 0.9, z = 0.0 }\n\
+        [newton]\ntolerance = 1e-12\n[steps]\ncount = 3\n[output]\npoints = true\n";
+    let life = "life = { created_at = 0.05, deleted_at = 0.25 }\nlaw = {";
+    for (text, name) in [(text, "always"), (&text.replace("law = {", life), "late")] {
+        run(folder, text, "--out alone --backend sparse").done();
+        let events = events(&folder.join("alone"));
+        let sum = |of: &str| events.iter().filter_map(|event| event["rve"][of].as_u64()).sum::<u64>();
+        assert_eq!((sum("waiting") > 0, sum("deleted") > 0), (name == "late", name == "late"));
+        let agrees = |scales: (usize, usize), options: &str| {
+            write_case(folder, "case.toml", &restless(text, scales, BY_ITERATIONS));
+            mpirun_done(folder, scales.0 + scales.1, &format!("run case.toml --backend petsc --out parts {options}"));
+            assert_same_to_rounding(&read(folder, "parts/loads.csv"), &read(folder, "alone/loads.csv"));
+            let points = if scales.0 > 1 { "pvtu" } else { "vtu" };
+            let found = folder.join(format!("parts/points-00003.{points}"));
+            assert_same_points(&found, &folder.join("alone/points-00003.vtu"));
+        };
+        agrees((1, 2), "");
+        agrees((3, 2), "");
+        assert!(!migrations(&folder.join("parts")).is_empty());
+        std::fs::remove_file(folder.join("parts/checkpoint/step-00003.bin")).unwrap();
+        agrees((2, 3), "--resume");
     }
     // The rank that reads the mesh fails: all end with its message.
     std::fs::write(folder.join("fields.csv"), "index,fraction\n7,0.1\n").unwrap();

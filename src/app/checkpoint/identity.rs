@@ -14,7 +14,7 @@ use crate::fem::element::CellType;
 use crate::fem::mesh::{Cells, Mesh};
 use crate::fiber::law::{FiberLaw, FiberMaterial, Law};
 use crate::fiber::network::Network;
-use crate::tissue::materials::Formulas;
+use crate::tissue::materials::{Formulas, Region};
 use crate::tissue::micro_scale::TissueMaterial;
 
 /// The case, mesh and networks of a run, without the location of files, the title and the output settings.
@@ -61,8 +61,9 @@ fn entry(line: &str) -> String {
 }
 
 impl Identity {
-    /// Returns the identity of a run on a mesh with this hash ([`hash_of_mesh`]).
-    pub fn new(backend: &str, case: &Case, mesh: u64, field: &impl TissueMaterial) -> Self {
+    /// Returns the identity of a run on a mesh with this hash ([`hash_of_mesh`]), whose materials have this hash
+    /// ([`hash_of_fields`]).
+    pub fn new(backend: &str, case: &Case, (mesh, fields): (u64, Option<u64>), field: &impl TissueMaterial) -> Self {
         let mut networks = Fnv::new();
         for model in field.library().models() {
             hash_network(model.network(), &mut networks);
@@ -70,7 +71,7 @@ impl Identity {
         Self {
             program: env!("CARGO_PKG_VERSION").into(),
             backend: backend.into(),
-            case: text_of(case) + &fields_of(field),
+            case: text_of(case) + &fields_entry(fields),
             mesh,
             networks: networks.finish(),
         }
@@ -145,12 +146,17 @@ fn text_of(case: &Case) -> String {
 /// The table below the case that holds the hash of the fields.
 const FIELDS: &str = "[fields]";
 
-/// Returns a table with the hash of all formulas that are not the same at all points, of networks chosen by fields, and of
-/// fiber volume fractions that vary, or nothing without any. The hash is part of the text, so that cases without fields
-/// have the same identity as in earlier versions.
-fn fields_of(field: &impl TissueMaterial) -> String {
+/// Returns a table with the hash of the fields, or nothing without any. The hash is part of the text, so that cases
+/// without fields have the same identity as in earlier versions.
+fn fields_entry(hash: Option<u64>) -> String {
+    hash.map_or_else(String::new, |hash| format!("{FIELDS}\nhash = {hash:016x}\n"))
+}
+
+/// Returns the hash of all formulas that are not the same at all points, of networks chosen by fields, and of fiber volume
+/// fractions that vary; `None` without any. The materials must be those of the whole body.
+pub fn hash_of_fields<'a>(regions: impl IntoIterator<Item = &'a Region>) -> Option<u64> {
     let mut hash = None;
-    for region in field.library().regions() {
+    for region in regions {
         if let RegionMaterial::FiberRve(rve) = &region.material {
             hash_network_fields(&region.name, rve, &mut hash);
         }
@@ -169,7 +175,7 @@ fn fields_of(field: &impl TissueMaterial) -> String {
             points.of_point().iter().for_each(|&formula| hash.add_u64(formula.into()));
         }
     }
-    hash.map_or_else(String::new, |hash| format!("{FIELDS}\nhash = {:016x}\n", hash.finish()))
+    hash.map(|hash| hash.finish())
 }
 
 fn hash_network_fields(region: &str, rve: &FiberRve, hash: &mut Option<Fnv>) {

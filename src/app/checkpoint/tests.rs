@@ -58,7 +58,8 @@ fn newest(dir: &Path) -> Result<Option<Checkpoint>, CheckpointError> {
     let case = case();
     let (mesh, _) = macro_scale::mesh(&case).unwrap();
     let (field, _) = TissueField::<Sparse>::new((), case.materials().unwrap(), &mesh).unwrap();
-    latest(dir, usize::MAX, &Identity::new("sparse", &case, hash_of_mesh(&mesh), &field)).map(|(found, _)| found)
+    latest(dir, usize::MAX, &Identity::new("sparse", &case, (hash_of_mesh(&mesh), None), &field))
+        .map(|(found, _)| found)
 }
 
 #[test]
@@ -100,7 +101,7 @@ fn a_piece_must_be_visible_to_the_rank_that_lists_it() {
     let case = case();
     let (mesh, _) = macro_scale::mesh(&case).unwrap();
     let (field, _) = TissueField::<Sparse>::new((), case.materials().unwrap(), &mesh).unwrap();
-    let identity = Identity::new("sparse", &case, hash_of_mesh(&mesh), &field);
+    let identity = Identity::new("sparse", &case, (hash_of_mesh(&mesh), None), &field);
     for file in [&pieces[0].file, &body[0].file] {
         let piece = path.with_file_name(file);
         let elsewhere = dir.path().join("elsewhere");

@@ -40,6 +40,16 @@ impl MaterialFields {
         Self(materials.regions.iter().map(fields).collect())
     }
 
+    /// Returns the fields with the values of these points of the mesh, ascending, and no others.
+    pub fn on_points(&self, points: &[usize]) -> Self {
+        let fields = |RegionFields { formulas, networks, fractions }: &RegionFields| RegionFields {
+            formulas: formulas.as_ref().map(|formulas| formulas.on_points(points)),
+            networks: networks.as_ref().map(|(files, of_point)| (files.clone(), of_point.on_points(points))),
+            fractions: fractions.as_ref().map(|fractions| fractions.on_points(points)),
+        };
+        Self(self.0.iter().map(fields).collect())
+    }
+
     /// Returns the materials of the case; `None` if the fields are those of another case.
     pub fn materials(self, case: &Case) -> Option<Materials> {
         if self.0.len() != case.regions.len() {

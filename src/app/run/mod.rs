@@ -58,8 +58,8 @@ use crate::tissue::micro_scale::{ProgressSource, TissueField, TissueFieldError, 
 pub struct Simulation<B: RealBackend, M = TissueField<B>> {
     case: Case,
     stepper: Stepper<B, M>,
-    /// The hash of the whole mesh.
-    mesh_hash: u64,
+    /// The hashes of the whole mesh and of the materials that vary over it.
+    hashes: (u64, Option<u64>),
     /// The surfaces with boundary conditions; empty on a process that does not write.
     surfaces: Vec<SurfacePlace>,
     /// The elements whose networks are written to the results.
@@ -151,7 +151,7 @@ impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
     }
 
     fn identity(&self) -> Identity {
-        Identity::new(B::NAME, &self.case, self.mesh_hash, self.stepper.field())
+        Identity::new(B::NAME, &self.case, self.hashes, self.stepper.field())
     }
 
     /// Takes all remaining load steps and writes their results to the directory `dir`. A run from the beginning

@@ -10,7 +10,7 @@ use super::problem_size::ProblemSize;
 use super::setup_ranks::{PartSetup, RankSetup, SetupRanks, receive_setup, send_failure, send_fields, send_setup};
 use super::whole_body::WholeBody;
 use crate::app::case::{Case, ElementSelection, RegionMaterial};
-use crate::app::checkpoint::hash_of_mesh;
+use crate::app::checkpoint::{hash_of_fields, hash_of_mesh};
 use crate::app::macro_scale;
 use crate::app::material_fields::{FieldRange, MaterialFields};
 use crate::app::plausibility::{self, Examination, FloppyNetworks, LoadSize, Plausibility};
@@ -49,7 +49,8 @@ pub struct Setup<B: RealBackend, M = TissueField<B>> {
     pub(super) context: B::Context,
     pub(super) case: Case,
     pub(super) mesh: Arc<Mesh>,
-    mesh_hash: u64,
+    /// The hashes of the whole mesh and of the materials that vary over it.
+    hashes: (u64, Option<u64>),
     /// The surfaces with boundary conditions, on the rank that reads the mesh.
     surfaces: Vec<SurfacePlace>,
     pub(super) conditions: Conditions,
@@ -159,17 +160,17 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
         } else {
             rve_files::points(&case, field.sites())?
         };
-        let mesh_hash = hash_of_mesh(&whole);
+        let hashes = (hash_of_mesh(&whole), hash_of_fields(field.library().regions()));
         let has_condition = |name: &str| case.boundaries.iter().any(|boundary| boundary.surface == name);
         let surfaces = SurfacePlace::of_surfaces(&whole, has_condition);
         send_fields(ranks, fields.as_ref()).map_err(SimulationError::OtherRank)?;
         for rank in 1..ranks.count() {
             let of_part = |divided: &BodyDivision<'_>| PartSetup {
                 piece: divided.piece(rank),
-                fields: fields.clone(),
+                fields: fields.as_ref().map(|fields| fields.on_points(&divided.points(rank))),
                 networks: networks.clone(),
                 unknowns,
-                mesh_hash,
+                hashes,
             };
             let of_part = divided.as_ref().filter(|_| part.is_some()).map(of_part);
             send_setup(ranks, rank, of_part).map_err(SimulationError::OtherRank)?;
@@ -180,7 +181,7 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
             context,
             case,
             mesh: part.as_ref().map_or_else(|| Arc::new(whole), |part| Arc::clone(part.mesh())),
-            mesh_hash,
+            hashes,
             surfaces,
             conditions,
             part,
@@ -207,7 +208,7 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
             RankSetup::Undivided => return Self::read(context, case, &(), material),
             RankSetup::Part(setup) => *setup,
         };
-        let PartSetup { piece, fields, networks, unknowns, mesh_hash } = setup;
+        let PartSetup { piece, fields, networks, unknowns, hashes } = setup;
         let conditions = macro_scale::conditions(&case);
         let part = BodyPart::new(piece, &conditions).map_err(Box::new)?;
         let part = part.ok_or_else(|| other_rank("the first rank divided a body that cannot be divided"))?;
@@ -218,7 +219,7 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
             context,
             case,
             mesh: Arc::clone(part.mesh()),
-            mesh_hash,
+            hashes,
             surfaces: Vec::new(),
             conditions,
             part: Some(part),
@@ -295,7 +296,8 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
     /// Returns [`SimulationError::Setup`] if the linear system cannot be set up or a point of the undeformed body has
     /// no response.
     pub fn simulation(self) -> Result<Simulation<B, M>, SimulationError<B::Error>> {
-        let Self { context, case, mesh, mesh_hash, surfaces, conditions, part, field, networks, warnings, .. } = self;
+        let Self { context, case, mesh, hashes, surfaces, conditions, part, mut field, networks, warnings, .. } = self;
+        field.forget_other_points();
         let params = macro_scale::step_params(&case);
         let stepper = match part {
             Some(part) => Stepper::on_part(&context, part, field, params),
@@ -306,7 +308,7 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
         };
         let stepper = stepper.map_err(Box::new)?;
         let (lock, written) = (None, ResultsRecord::default());
-        Ok(Simulation { case, stepper, mesh_hash, surfaces, networks, warnings, lock, written })
+        Ok(Simulation { case, stepper, hashes, surfaces, networks, warnings, lock, written })
     }
 }
 

@@ -135,13 +135,14 @@ pub(super) enum RankSetup {
 #[derive(Deserialize, Serialize)]
 pub(super) struct PartSetup {
     pub piece: BodyPiece,
-    /// The fields of the materials, if these depend on the mesh.
+    /// The fields of the materials at the points of the part, if these depend on the mesh.
     pub fields: Option<MaterialFields>,
     /// The points whose networks are written.
     pub networks: Vec<usize>,
     /// The number of unknowns of the whole body.
     pub unknowns: usize,
-    pub mesh_hash: u64,
+    /// The hashes of the whole mesh and of its material fields.
+    pub hashes: (u64, Option<u64>),
 }
 
 /// Sends a rank its part; `None` if the body cannot be divided.
@@ -156,10 +157,11 @@ pub(super) fn receive_setup(ranks: &dyn SetupRanks) -> Result<RankSetup, String>
     unpack(&message).map_err(|error| error.to_string())
 }
 
-/// Sends the ranks of the RVEs the materials, if these depend on the mesh.
+/// Sends the ranks of the RVEs the materials, if these depend on the mesh, without the values at points: these come with
+/// the RVEs.
 pub(super) fn send_fields(ranks: &dyn SetupRanks, fields: Option<&MaterialFields>) -> Result<(), String> {
     let Some(fields) = fields else { return Ok(()) };
-    ranks.send_to_rves(&packed(&Some(fields))?).map_err(|error| error.to_string())
+    ranks.send_to_rves(&packed(&Some(fields.on_points(&[])))?).map_err(|error| error.to_string())
 }
 
 /// Tells all ranks that wait that the case could not be set up.

@@ -44,6 +44,13 @@ impl ExcerptElements {
     }
 }
 
+impl ExcerptElements {
+    /// Returns the elements of the part of a rank, ascending.
+    pub fn of_part(&self, rank: usize) -> &[u32] {
+        &self.of_parts[rank]
+    }
+}
+
 impl Excerpt {
     /// Returns the excerpt of a rank.
     ///

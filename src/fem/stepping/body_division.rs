@@ -80,6 +80,15 @@ impl<'a> BodyDivision<'a> {
         })
     }
 
+    /// Returns the integration points of the part of a rank, by their numbers in the whole mesh, ascending.
+    ///
+    /// # Panics
+    /// Panics if the division has fewer ranks.
+    pub fn points(&self, rank: usize) -> Vec<usize> {
+        let elements = self.elements.of_part(rank).iter();
+        elements.flat_map(|&element| self.mesh.points().of_element(element as usize)).collect()
+    }
+
     /// Returns what a rank needs.
     ///
     /// # Panics

@@ -215,6 +215,17 @@ impl<B: RealBackend> Library<B> {
         self.regions[region].0.material.formula()?.at(point)
     }
 
+    /// Returns true if the formula of a region, or that of the matrix of its RVEs, is the same at all points.
+    pub(super) fn is_uniform(&self, region: usize) -> bool {
+        matches!(self.regions[region].0.material.formula(), Some(Formulas::Uniform(_)))
+    }
+
+    /// Releases the formulas, networks and fiber volume fractions of all points but these, ascending: those of the part of
+    /// this rank, or none on a rank that gets them with its RVEs.
+    pub fn keep_points(&mut self, points: &[usize]) {
+        self.regions.iter_mut().for_each(|(region, _)| region.material = region.material.on_points(points));
+    }
+
     /// Returns the linear response of a model at rest.
     ///
     /// # Errors
@@ -361,7 +372,7 @@ fn names_of_same(paths: &[&PathBuf]) -> HashMap<PathBuf, String> {
 /// `count` if the point has none.
 fn assigned(rve: &FiberRve, point: usize, count: usize) -> usize {
     match &rve.assignment {
-        NetworkAssignment::Field(networks) => networks.of_point().get(point).map_or(count, |&network| network as usize),
+        NetworkAssignment::Field(networks) => networks.at(point).map_or(count, |network| network as usize),
         NetworkAssignment::Cycle => point % count,
         NetworkAssignment::Random => random_network(rve.seed, point, count),
     }

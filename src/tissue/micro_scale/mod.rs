@@ -12,7 +12,7 @@
 //! | `iterations` | numbers of solves by their iterations |
 //! | `costs` | what each RVE cost in each sweep |
 //! | `lifecycle` | when an RVE is created, sleeps, wakes and is deleted |
-//! | `moving` | an RVE on the way to another rank |
+//! | `moving`, `rve_material` | an RVE on the way to another rank; its material |
 //! | `sampled` | a body in which only a few RVEs are solved, to measure what they cost |
 //! | `saved`, `raw`, `summary` | the saved state of an RVE in memory and in files, and its values for the result files |
 //! | `pieces` | the files of a checkpoint with the states of the RVEs of one rank |
@@ -29,6 +29,7 @@ mod moving;
 mod order;
 pub(super) mod pieces;
 mod raw;
+mod rve_material;
 mod sampled;
 mod saved;
 mod sites;
@@ -62,6 +63,7 @@ pub use lifecycle::RveStatus;
 pub(super) use moving::MovingError;
 pub use pieces::{Piece, PieceError, piece_file, piece_stem};
 pub(crate) use pieces::{verify_sealed, write_sealed};
+pub(super) use rve_material::RveMaterial;
 pub use sampled::SampledField;
 pub(super) use saved::SerializeIter;
 pub use saved::{FieldRestoreError, SavedSites, SleepingRve, UnitState};
@@ -82,6 +84,9 @@ pub trait TissueMaterial: PointField<Error = TissueFieldError> {
 
     /// Returns the material of each point and the statuses of the RVEs; in a divided body, of the points of this rank.
     fn sites(&self) -> &Sites;
+
+    /// Releases what the library has of points of other ranks, in a divided body.
+    fn forget_other_points(&mut self) {}
 
     /// Counts the RVEs of the whole body.
     fn rve_counts(&self) -> RveCounts {

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use super::library::PointMaterial;
+use super::rve_material::RveMaterial;
 use super::saved::{FieldRestoreError, UnitState};
 use super::unit::{Fibers, Origin, Unit};
 use super::units::Units;
@@ -11,13 +11,13 @@ use crate::coupling::balance::{CostHistory, Migration};
 use crate::fem::mesh::IntegrationPoint;
 use crate::las::{Message, RealBackend, bytemuck};
 
-/// An RVE with the history of its costs. Its materials are those of its region, which every rank has.
+/// An RVE with the history of its costs.
 #[derive(Serialize, Deserialize)]
 struct MovingRve {
     point: u64,
     /// The element, the number of the point in it, and the number of its points.
     location: (u32, u16, u16),
-    region: u64,
+    material: RveMaterial,
     current: UnitState,
     /// The last converged state, unless the current one is that.
     committed: Option<UnitState>,
@@ -35,20 +35,20 @@ pub enum MovingError {
     /// The RVE does not match the materials of this rank.
     #[error(transparent)]
     State(#[from] FieldRestoreError),
-    /// The region of the RVE has none on this rank.
-    #[error("{0}: there is no RVE on this rank")]
+    /// This rank has not the region of the RVE, or not its network or matrix.
+    #[error("{0}: the ranks have different materials")]
     Material(IntegrationPoint),
 }
 
 impl MovingRve {
-    fn new(point: usize, unit: &Unit, history: &CostHistory) -> Self {
+    fn new(point: usize, unit: &Unit, material: RveMaterial, history: &CostHistory) -> Self {
         let IntegrationPoint { element, point: of_element, points } = unit.location;
         let fibers = unit.fibers.as_ref();
         let unfinished = fibers.filter(|fibers| fibers.origin != Origin::Committed);
         Self {
             point: point as u64,
             location: (element, of_element, points),
-            region: unit.region as u64,
+            material,
             current: UnitState {
                 rve: fibers.map(|fibers| fibers.current.clone()),
                 response: unit.response,
@@ -73,7 +73,9 @@ impl<B: RealBackend> Units<B> {
     /// Never in practice: postcard can encode every RVE.
     pub fn pack(&self, number: usize) -> Result<Message, MovingError> {
         let (unit, history) = self.parts(number);
-        Ok(Message::of(&postcard::to_allocvec(&MovingRve::new(self.points()[number], unit, history))?))
+        let network = unit.fibers.as_ref().map(Fibers::network);
+        let material = self.library().to_send(unit.region, network, unit.matrix.as_ref());
+        Ok(Message::of(&postcard::to_allocvec(&MovingRve::new(self.points()[number], unit, material, history))?))
     }
 
     /// Returns the number of bytes that [`Units::pack`] takes for an RVE, about.
@@ -96,10 +98,9 @@ impl<B: RealBackend> Units<B> {
         let moving: MovingRve = postcard::from_bytes(message.bytes())?;
         let (element, point, points) = moving.location;
         let location = IntegrationPoint { element, point, points };
-        let (point, region) = (moving.point as usize, moving.region as usize);
-        let Some(PointMaterial::Rve { network: of_point, matrix, .. }) = self.library().of_point(region, point) else {
-            return Err(MovingError::Material(location));
-        };
+        let (point, region) = (moving.point as usize, moving.material.region);
+        let material = self.library().received(point, moving.material);
+        let (of_point, matrix) = material.ok_or(MovingError::Material(location))?;
         let network = of_point.map(|of| &**self.library().models()[of.model].network());
         moving.current.check(location, network)?;
         if let Some(committed) = &moving.committed {

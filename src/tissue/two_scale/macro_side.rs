@@ -167,9 +167,10 @@ impl<'a, C: Comm, B: RealBackend> ScaleField<'a, C, B> {
         }
         let own =
             |points: &[usize]| -> Vec<usize> { points.iter().copied().filter(|&point| self.is_own(point)).collect() };
-        let created = own(created)
-            .into_iter()
-            .map(|point| (self.unit(point), self.sites.region(point), self.sites.locate(point)));
+        let created = own(created).into_iter().filter_map(|point| {
+            let material = self.library.material_to_send(&self.sites, point)?;
+            Some((self.unit(point), self.sites.locate(point), material))
+        });
         let created = created.collect();
         let deleted: Vec<UnitId> = own(deleted).into_iter().map(|point| self.unit(point)).collect();
         let of_all_ranks = self.divided.as_ref().map(|divided| divided.gather(&deleted)).transpose()?;

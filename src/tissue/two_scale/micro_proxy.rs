@@ -211,7 +211,7 @@ impl<'a, C: Comm> MicroProxy<'a, C> {
             for units in &mut self.units {
                 units.retain(|unit| !deleted.contains(unit));
             }
-            for &(point, _, location) in &update.created {
+            for &(point, location, _) in &update.created {
                 self.units[shard_of[location.element as usize] as usize].push(point);
             }
         }

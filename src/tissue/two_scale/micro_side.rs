@@ -20,7 +20,7 @@ use crate::coupling::balance::{Planner, Weights};
 use crate::las::{Backend, Comm, Message, RealBackend};
 use crate::tissue::materials::ElementSelection;
 use crate::tissue::micro_scale::pieces;
-use crate::tissue::micro_scale::{Library, Piece, PointFailure, PointMaterial, SerializeIter, UnitState, Units};
+use crate::tissue::micro_scale::{Library, Piece, PointFailure, SerializeIter, UnitState, Units};
 
 /// What a rank of the micro scale sends to the macro scale for the results.
 #[derive(Clone, Debug)]
@@ -150,14 +150,15 @@ impl<C: Comm, B: RealBackend, P: Planner, V: Weights> MicroSide<'_, C, B, P, V> 
         let deleted = before.into_iter().filter(|unit| !kept.contains(unit)).map(|unit| unit as usize).collect();
         self.units.remove(&deleted);
         let delta = self.channels.to_micro.reconcile_added()?;
-        let mut new_rves = vec![NewRve { region: 0, location: [0; 3] }; delta.units().len()];
+        let mut new_rves = vec![NewRve::NONE; delta.units().len()];
         self.channels.new_rves.receive(&delta, &mut new_rves)?;
         for (&point, new_rve) in delta.units().iter().zip(new_rves) {
             let point = point as usize;
-            let material = self.units.library().of_point(new_rve.region as usize, point);
-            if let PointMaterial::Rve { network, matrix, .. } = material.ok_or(TwoScaleError::Protocol)? {
-                self.units.add((point, new_rve.location(), new_rve.region as usize), network, matrix);
-            }
+            let material = new_rve.material()?;
+            let region = material.region;
+            let material = self.units.library().received(point, material);
+            let (network, matrix) = material.ok_or(TwoScaleError::Materials(new_rve.location()))?;
+            self.units.add((point, new_rve.location(), region), network, matrix);
         }
         self.channels.to_macro = self.channels.to_micro.inverse();
         self.between.add_communication(start);

@@ -137,6 +137,7 @@ pub(crate) use protocol::{pack, unpack};
 use super::micro_scale::{MovingError, TissueFieldError};
 use crate::coupling::balance::BalanceError;
 use crate::coupling::{CouplingError, ScaleError};
+use crate::fem::mesh::IntegrationPoint;
 use crate::las::CommError;
 
 /// Errors of the exchange between the scales.
@@ -157,6 +158,9 @@ pub enum TwoScaleError {
     /// An RVE cannot move to another rank.
     #[error("an RVE cannot move to another rank: {0}")]
     Moving(#[from] MovingError),
+    /// A rank has not the material of an RVE at this point.
+    #[error("{0}: the ranks have different materials")]
+    Materials(IntegrationPoint),
     /// No scale has this name.
     #[error("there is no scale {0}")]
     Scale(&'static str),

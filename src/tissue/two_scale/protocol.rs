@@ -9,9 +9,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::fem::material::Response;
 use crate::fem::mesh::IntegrationPoint;
-use crate::las::Message;
+use crate::las::{Message, bytemuck};
 use crate::tissue::micro_scale::{
-    DeformedNetwork, Piece, PieceError, PointFailure, PointNetwork, PointSummary, RveCost, RveStats, UnitState,
+    DeformedNetwork, Piece, PieceError, PointFailure, PointNetwork, PointSummary, RveCost, RveMaterial, RveStats,
+    UnitState,
 };
 
 /// The name of the scale of the body in `[scales]` of a case.
@@ -19,13 +20,16 @@ pub const MACRO: &str = "macro";
 /// The name of the scale of the RVEs.
 pub const MICRO: &str = "micro";
 
+/// Words that suffice for the material of an RVE.
+const MATERIAL: usize = 24;
+
 crate::payload! {
     /// The data that creates an RVE.
     pub struct NewRve {
-        /// The region of the case that its point belongs to.
-        pub region: u64,
         /// Its element, the position of its point in the element, and the number of points of the element.
         pub location: [u64; 3],
+        /// Its encoded material.
+        material: [u64; MATERIAL],
     }
 }
 
@@ -112,10 +116,26 @@ impl RveSummary {
 }
 
 impl NewRve {
-    /// Creates an RVE of a region at a point.
-    pub fn new(region: usize, point: IntegrationPoint) -> Self {
+    /// The size of the data of an RVE that is not known yet.
+    pub const NONE: Self = Self { location: [0; 3], material: [0; MATERIAL] };
+
+    /// Creates an RVE at a point.
+    ///
+    /// # Errors
+    /// Never in practice: all formulas fit.
+    pub fn new(point: IntegrationPoint, material: &RveMaterial) -> Result<Self, postcard::Error> {
         let IntegrationPoint { element, point, points } = point;
-        Self { region: region as u64, location: [element.into(), point.into(), points.into()] }
+        let mut new = Self { location: [element.into(), point.into(), points.into()], ..Self::NONE };
+        postcard::to_slice(material, bytemuck::cast_slice_mut(&mut new.material))?;
+        Ok(new)
+    }
+
+    /// Returns its material.
+    ///
+    /// # Errors
+    /// Returns an error if the bytes do not encode one.
+    pub fn material(&self) -> Result<RveMaterial, postcard::Error> {
+        postcard::take_from_bytes(bytemuck::cast_slice(&self.material)).map(|(material, _)| material)
     }
 
     /// Returns its point.
@@ -402,4 +422,43 @@ impl Flavor for Packing {
 /// Returns an error if the bytes do not encode a `T`.
 pub fn unpack<T: for<'de> Deserialize<'de>>(message: &Message) -> Result<T, postcard::Error> {
     postcard::from_bytes(message.bytes())
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Vector3;
+
+    use super::*;
+    use crate::fem::material::{
+        Guccione, HolmesMow, HolzapfelGasserOgden, LinearElastic, NeoHookean, TransverseModuli,
+    };
+    use crate::tissue::materials::{Formula, TransverseFormula};
+
+    /// Every formula fits into the data of a new RVE beside the longest other numbers, and arrives with the same bits.
+    #[test]
+    fn new_rves_bring_their_material_along() {
+        let (mu, lambda, axis) = (1.0 / 3.0, 2.0e9 / 7.0, Vector3::new(1.0, 2.0, 3.0).normalize());
+        let moduli = TransverseModuli {
+            youngs_modulus: 2.5e3,
+            poisson_ratio: 0.25,
+            axial_youngs_modulus: 4.0e3,
+            axial_shear_modulus: 1.0e3,
+        };
+        let (k1, k2, dispersion, axes) = (mu, lambda, 0.1, [Some(axis), Some(axis.yzx())]);
+        let formulas = [
+            Formula::NeoHookean(NeoHookean { mu, lambda }),
+            Formula::LinearElastic(LinearElastic { mu, lambda }),
+            Formula::HolmesMow(HolmesMow { mu, lambda, beta: 0.7 }),
+            Formula::TransverselyIsotropic(TransverseFormula::new(moduli, axis.into()).unwrap()),
+            Formula::HolzapfelGasserOgden(HolzapfelGasserOgden { mu, k1, k2, dispersion, bulk_modulus: lambda, axes }),
+            Formula::Guccione(Guccione { c: mu, bf: 1.0, bt: 2.0, bfs: 3.0, bulk_modulus: lambda, axis }),
+        ];
+        let location = IntegrationPoint { element: u32::MAX - 1, point: 26, points: 27 };
+        for formula in formulas {
+            let network = Some(PointNetwork { model: usize::MAX, factor: 0.1 });
+            let material = RveMaterial::of(usize::MAX, network, &formula);
+            let new = NewRve::new(location, &material).unwrap();
+            assert_eq!((new.location(), new.material().unwrap()), (location, material));
+        }
+    }
 }

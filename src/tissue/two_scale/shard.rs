@@ -11,6 +11,7 @@ use super::protocol::{NewRve, RankTimes, RveResponse, RveSummary, RveTask};
 use crate::coupling::{EvenPartition, Scales, UnitId};
 use crate::fem::mesh::IntegrationPoint;
 use crate::las::Comm;
+use crate::tissue::micro_scale::RveMaterial;
 
 /// The RVEs of one shard of the body.
 pub(super) struct Shard<C: Comm> {
@@ -26,8 +27,8 @@ pub(super) struct Shard<C: Comm> {
 pub(super) struct RveUpdate {
     /// The points whose RVEs are deleted.
     pub deleted: Vec<UnitId>,
-    /// The new RVEs: their points, their regions, and the positions of their points.
-    pub created: Vec<(UnitId, usize, IntegrationPoint)>,
+    /// The new RVEs: their points, the positions of these, and the materials.
+    pub created: Vec<(UnitId, IntegrationPoint, RveMaterial)>,
 }
 
 impl<C: Comm> Shard<C> {
@@ -50,9 +51,10 @@ impl<C: Comm> Shard<C> {
         let existing: HashSet<UnitId> = self.channels.to_micro.units().iter().copied().collect();
         let deleted: Vec<UnitId> = update.deleted.iter().copied().filter(|unit| existing.contains(unit)).collect();
         self.channels.to_micro.remove(&deleted)?;
-        let created = update.created.iter().filter(|(_, _, location)| is_own(*location));
-        let (units, new_rves): (Vec<UnitId>, Vec<NewRve>) =
-            created.map(|&(point, region, location)| (point, NewRve::new(region, location))).unzip();
+        let created = || update.created.iter().filter(|(_, location, _)| is_own(*location));
+        let units: Vec<UnitId> = created().map(|(point, ..)| *point).collect();
+        let new_rves = created().map(|(_, location, material)| NewRve::new(*location, material));
+        let new_rves = new_rves.collect::<Result<Vec<_>, _>>()?;
         let delta = self.channels.to_micro.add(&units, &[], &EvenPartition)?;
         self.channels.new_rves.send(&delta, &new_rves)?;
         self.channels.to_macro = self.channels.to_micro.inverse();

@@ -29,6 +29,15 @@ impl<C: Comm, B: RealBackend> TissueMaterial for ScaleField<'_, C, B> {
         &self.sites
     }
 
+    fn forget_other_points(&mut self) {
+        if self.divided.is_some() {
+            let points = self.sites.points();
+            let mut own: Vec<usize> = (0..points.len()).map(|point| points.in_whole(point)).collect();
+            own.sort_unstable();
+            self.library.keep_points(&own);
+        }
+    }
+
     fn rve_counts(&self) -> RveCounts {
         match &self.divided {
             None => self.sites.counts(self.library.models().len(), |_| true),
