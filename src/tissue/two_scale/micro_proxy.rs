@@ -18,9 +18,9 @@ use serde::Deserialize;
 use super::TwoScaleError;
 use super::balance::{MigrationReport, When};
 use super::follower::{FollowerCommand, RESPONSES, SUMMARIES, TASKS, TIMES};
+use super::piece_messages::PieceFailure;
 use super::protocol::{
-    Command, MICRO, PieceFailure, RankReport, RankTimes, RveFailure, RveResponse, RveSummary, RveTask, Task, pack,
-    unpack,
+    Command, MICRO, RankReport, RankTimes, RveFailure, RveResponse, RveSummary, RveTask, Task, pack, unpack,
 };
 use super::shard::{RveUpdate, Shard};
 use crate::coupling::{Scales, UnitId};

@@ -10,10 +10,10 @@ use serde::Serialize;
 use super::TwoScaleError;
 use super::balance::{BalanceParams, MigrationReport, RveBalancer, RveWeights};
 use super::channels::Channels;
+use super::piece_messages::PieceFailure;
 use super::progress::{ProgressChannel, ProgressSender};
 use super::protocol::{
-    Command, MACRO, NewRve, PieceFailure, RankReport, RankTimes, RveFailure, RveResponse, RveSummary, RveTask, Task,
-    pack, unpack,
+    Command, MACRO, NewRve, RankReport, RankTimes, RveFailure, RveResponse, RveSummary, RveTask, Task, pack, unpack,
 };
 use crate::coupling::Scales;
 use crate::coupling::balance::{Planner, Weights};

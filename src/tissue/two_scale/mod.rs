@@ -2,7 +2,7 @@
 //!
 //! | module | holds |
 //! |---|---|
-//! | `protocol` | the messages between the scales |
+//! | `protocol`, `piece_messages` | the messages between the scales; those about the pieces of a checkpoint |
 //! | `macro_side` | the macro scale: a material that gets its stress from RVEs on other ranks |
 //! | `micro_proxy` | the micro scale as seen by the macro scale: sends commands and tasks, receives responses |
 //! | `divided` | a body of which each macro rank holds a part: its RVEs, and the responses of its ghosts |
@@ -117,6 +117,7 @@ mod macro_side;
 mod micro_proxy;
 mod micro_side;
 mod partition;
+mod piece_messages;
 mod progress;
 mod protocol;
 mod shard;
