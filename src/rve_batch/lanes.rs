@@ -178,7 +178,7 @@ impl LaneBatch {
         let starts: Vec<LaneStart<'_>> = jobs.iter().map(|job| self.start(job)).collect();
         let paused = self.lanes.solve(&starts, params, may_pause, times, |lane, end| {
             if let Some(equilibrium) = self.of_model.equilibrium(&end.result(), jobs[lane].target) {
-                found.push((lane, equilibrium, end.positions.to_vec(), end.sensitivities.to_vec()));
+                found.push((lane, equilibrium, end.positions, end.sensitivities));
             }
         });
         let before: Vec<usize> = jobs.iter_mut().map(Job::end_pause).collect();

@@ -1,10 +1,11 @@
 //! The end of a group: stress, energy and tangent, and what the caller reads of each lane.
 
 use super::arrays::Arrays;
+use super::blocks::Node;
 use super::course::Course;
 use super::network::Network;
-use super::simd::{Double, Lanes, MOST_LANES, numbers_of};
-use super::tangent::{ComputeProducts, Energy, SolveModes, Stress};
+use super::simd::{Double, Kernel, Lanes, MOST_LANES, load, numbers_of, store};
+use super::tangent::{ComputeProducts, Energy, SolveModes, Stress, strain};
 use crate::backends::networks::result::{
     BACKTRACKS, ENERGY, FORM, IMBALANCE, ITERATIONS, PIVOT_RATIO, RESIDUAL, SCALE, STATUS, STRESS,
 };
@@ -18,9 +19,9 @@ const ACCURATE: f64 = 1e-8;
 pub struct LaneEnd<'a> {
     numbers: &'a [f64],
     /// The positions of the interior nodes.
-    pub positions: &'a [[f64; 3]],
+    pub positions: Vec<[f64; 3]>,
     /// The sensitivities, as in [`LaneStart::sensitivities`](super::LaneStart::sensitivities); empty without tangent.
-    pub sensitivities: &'a [[f32; 3 * MODES]],
+    pub sensitivities: Vec<[f32; 3 * MODES]>,
 }
 
 impl LaneEnd<'_> {
@@ -39,16 +40,17 @@ pub(super) fn read_ends<'a, S: Double>(
     ended: impl Iterator<Item = (usize, &'a [f64; RESULT_LEN])>,
     mut read: impl FnMut(usize, LaneEnd<'_>),
 ) {
-    let (mut positions, mut sensitivities) = (vec![[0.0; 3]; network.interior], Vec::new());
+    let mut sensitivities = vec![Vec::new(); S::LANES];
+    let ended: Vec<_> = ended.collect();
+    let has_state = |numbers: &[f64; RESULT_LEN]| numbers[STATUS] == Status::Converged as usize as f64;
+    let with_state = || ended.iter().filter(|(_, numbers)| has_state(numbers)).map(|(lane, _)| *lane);
+    if wants_tangent && with_state().next().is_some() {
+        with_state().for_each(|lane| sensitivities[lane] = vec![[0.0; 3 * MODES]; network.interior]);
+        simd.vectorize(ReadSensitivities { network, arrays, of_lanes: &mut sensitivities });
+    }
     for (lane, numbers) in ended {
-        if numbers[STATUS] == Status::Converged as usize as f64 {
-            read_positions::<S>(network, arrays, lane, &mut positions);
-            if wants_tangent {
-                sensitivities.resize(network.interior, [0.0; 3 * MODES]);
-                read_sensitivities(simd, network, arrays, lane, &mut sensitivities);
-            }
-        }
-        read(lane, LaneEnd { numbers, positions: &positions, sensitivities: &sensitivities });
+        let positions = if has_state(numbers) { read_positions::<S>(network, arrays, lane) } else { Vec::new() };
+        read(lane, LaneEnd { numbers, positions, sensitivities: std::mem::take(&mut sensitivities[lane]) });
     }
 }
 
@@ -97,43 +99,40 @@ pub(super) fn condense<S: Double, const C: usize>(
     }
 }
 
-fn read_positions<S: Double>(network: &Network, arrays: &Arrays<'_, S>, lane: usize, positions: &mut [[f64; 3]]) {
+fn read_positions<S: Double>(network: &Network, arrays: &Arrays<'_, S>, lane: usize) -> Vec<[f64; 3]> {
     let numbers = numbers_of::<S>(arrays.positions);
-    for (place, &node) in network.order.iter().enumerate() {
-        positions[node as usize] = std::array::from_fn(|k| numbers[(3 * place + k) * S::LANES + lane]);
-    }
+    let of_place = |place: u32| std::array::from_fn(|k| numbers[(3 * place as usize + k) * S::LANES + lane]);
+    network.places.iter().map(|&place| of_place(place)).collect()
 }
 
-/// Reads the sensitivities of a lane, minus those of the affine motion.
-fn read_sensitivities<S: Double>(
-    _: S,
-    network: &Network,
-    arrays: &Arrays<'_, S>,
-    lane: usize,
-    sensitivities: &mut [[f32; 3 * MODES]],
-) {
-    let (positions, modes) = (numbers_of::<S>(arrays.positions), numbers_of::<S>(arrays.modes));
-    for (place, &node) in network.order.iter().enumerate() {
-        let x: [f64; 3] = std::array::from_fn(|k| positions[(3 * place + k) * S::LANES + lane]);
-        let of_node = &mut sensitivities[node as usize];
-        for mode in 0..MODES {
-            let affine = strain_of(mode, &x);
-            for k in 0..3 {
-                let sensitivity = modes[(3 * (MODES * place + mode) + k) * S::LANES + lane];
-                of_node[3 * mode + k] = (sensitivity - affine[k]) as f32;
+/// Reads the sensitivities of the lanes for which there is room, minus those of the affine motion.
+struct ReadSensitivities<'a, 'b, S: Double> {
+    network: &'a Network,
+    arrays: &'a Arrays<'b, S>,
+    of_lanes: &'a mut [Vec<[f32; 3 * MODES]>],
+}
+
+impl<S: Double> Kernel<S> for ReadSensitivities<'_, '_, S> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self, simd: S) {
+        let Self { network, arrays: Arrays { positions, modes, .. }, of_lanes } = self;
+        let mut of_node = [<S::Stored as bytemuck::Zeroable>::zeroed(); 3 * MODES];
+        for (node, &place) in network.places.iter().enumerate() {
+            let place = place as usize;
+            let x: Node<S> = load(simd, positions, place);
+            for mode in 0..MODES {
+                let (affine, v): (_, Node<S>) = (strain(mode, &x), load(simd, modes, MODES * place + mode));
+                store(&[v[0] - affine[0], v[1] - affine[1], v[2] - affine[2]], &mut of_node, mode);
+            }
+            let numbers = numbers_of::<S>(&of_node);
+            for (lane, of_lane) in of_lanes.iter_mut().enumerate() {
+                let Some(of_lane) = of_lane.get_mut(node) else { continue };
+                for (k, number) in of_lane.iter_mut().enumerate() {
+                    *number = numbers[k * S::LANES + lane] as f32;
+                }
             }
         }
-    }
-}
-
-/// Applies the `k`-th unit strain, as `tangent::strain` does for lanes.
-fn strain_of(k: usize, x: &[f64; 3]) -> [f64; 3] {
-    match k {
-        0 => [x[0], 0.0, 0.0],
-        1 => [0.0, x[1], 0.0],
-        2 => [0.0, 0.0, x[2]],
-        3 => [0.0, x[2], x[1]],
-        4 => [x[2], 0.0, x[0]],
-        _ => [x[1], x[0], 0.0],
     }
 }

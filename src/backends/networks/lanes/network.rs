@@ -38,6 +38,8 @@ pub(super) struct Network {
     pub boundary: Vec<[f64; 3]>,
     /// By place in the order: the interior node.
     pub order: Vec<u32>,
+    /// By interior node: its place in the order.
+    pub places: Vec<u32>,
     pub schedule: Schedule,
 }
 
@@ -78,10 +80,18 @@ impl Network {
             fibers,
             laws: network.laws.iter().map(Law::new).collect(),
             boundary: network.boundary.clone(),
+            places: places_of(&plan.order),
             order: plan.order,
             schedule: plan.schedule,
         }
     }
+}
+
+/// Returns the place of each node in an order.
+fn places_of(order: &[u32]) -> Vec<u32> {
+    let mut places = vec![0; order.len()];
+    (0..).zip(order).for_each(|(place, &node)| places[node as usize] = place);
+    places
 }
 
 /// Returns the typical stiffness of a fiber; 1 if it is zero or not finite.
