@@ -183,7 +183,7 @@ pub(super) fn nested_dissection(start: &[u32], neighbors: &[u32]) -> Result<Vec<
     let mut start: Vec<idx_t> = start.iter().map(|&k| k as idx_t).collect();
     let mut neighbors: Vec<idx_t> = neighbors.iter().map(|&k| k as idx_t).collect();
     let (mut order, mut position): (Vec<idx_t>, Vec<idx_t>) = (vec![0; n], vec![0; n]);
-    // SAFETY: `start` and `neighbors` are compressed rows of a graph of `nodes` nodes, checked above; `Graph`
+    // SAFETY: `start` and `neighbors` are compressed rows of a graph of `nodes` nodes, checked above; `sparse::order::graph::Graph`
     // guarantees that it is symmetric and has no loops. Both results have one entry per node. Null selects unit weights
     // and the default options.
     let call = || unsafe {

@@ -130,7 +130,8 @@ impl PointFormulas {
         Ok(Self { distinct: formulas.into_iter().map(Arc::new).collect(), of_point: PointValues::new(of_point) })
     }
 
-    /// Returns the index of the formula of each point, or [`PointFormulas::NONE`].
+    /// Returns the index of the formula, or [`PointFormulas::NONE`], of each point that has a value here, in the order of the
+    /// points.
     pub fn of_point(&self) -> &[u32] {
         self.of_point.values()
     }

@@ -146,14 +146,14 @@ impl PointNetworks {
         Self(PointValues::new(of_point))
     }
 
-    /// Returns the index of the network of each point.
+    /// Returns the index of the network of each point that has a value here, in the order of the points.
     pub fn of_point(&self) -> &[u32] {
         self.0.values()
     }
 
     /// Returns the index of the network of a point; `None` if none was given to it.
     pub fn at(&self, point: usize) -> Option<u32> {
-        self.0.get(point)
+        self.0.get(point).filter(|&network| network != Self::NONE)
     }
 
     /// Returns the networks of these points of the mesh, ascending, and no others.
@@ -194,7 +194,7 @@ impl PointFractions {
         Self { greatest: if greatest > 0.0 { greatest } else { 1.0 }, of_point: PointValues::new(of_point) }
     }
 
-    /// Returns the fraction of each point.
+    /// Returns the fraction of each point that has a value here, in the order of the points.
     pub fn of_point(&self) -> &[f64] {
         self.of_point.values()
     }

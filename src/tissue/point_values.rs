@@ -33,7 +33,11 @@ impl<T: Copy> PointValues<T> {
     }
 
     /// Returns the values of these points, ascending, for which `is_value` returns true.
+    ///
+    /// # Panics
+    /// Panics if the points are not ascending.
     pub fn on_points(&self, points: &[usize], is_value: impl Fn(T) -> bool) -> Self {
+        assert!(points.is_sorted(), "ascending points");
         let value =
             |&point: &usize| Some((u32::try_from(point).ok()?, self.get(point).filter(|&value| is_value(value))?));
         let (points, values): (Vec<u32>, Vec<T>) = points.iter().filter_map(value).unzip();

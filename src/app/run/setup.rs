@@ -266,7 +266,11 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
 
     /// Finds the networks of regions without a matrix, or with a soft one, that have motions which no fiber resists: such
     /// equilibria take long to find. Factors a matrix for each network that is not too large, on the backend of the RVEs.
+    /// Finds none on the other ranks of a divided body, which do not have all materials.
     pub fn floppy_networks(&self, examination: Examination) -> FloppyNetworks {
+        if self.mesh.part().is_some_and(|part| part.rank > 0) {
+            return FloppyNetworks::default();
+        }
         plausibility::floppy_networks(&self.case, self.field.library(), examination)
     }
 

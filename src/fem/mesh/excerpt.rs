@@ -42,10 +42,11 @@ impl ExcerptElements {
         let common = (0..).zip(mesh.elements().iter()).filter(|(_, nodes)| is_common(nodes));
         Self { of_parts: mesh.elements_of_parts(division), common: common.map(|(element, _)| element).collect() }
     }
-}
 
-impl ExcerptElements {
     /// Returns the elements of the part of a rank, ascending.
+    ///
+    /// # Panics
+    /// Panics if there is no such rank.
     pub fn of_part(&self, rank: usize) -> &[u32] {
         &self.of_parts[rank]
     }

@@ -36,7 +36,7 @@ struct Face {
 struct FacesByCorner<'a> {
     elements: &'a Elements,
     /// By node: the place of the first of its faces in the lists, and after the last node, their number.
-    first: Vec<u32>,
+    first: Vec<usize>,
     /// The element of each face, and the number of the face within its element.
     element_of: Vec<u32>,
     local_of: Vec<u8>,
@@ -48,10 +48,10 @@ impl<'a> FacesByCorner<'a> {
         let mut first = vec![0; nodes + 1];
         for_each_face(elements, |_, _, lowest| first[lowest as usize + 1] += 1);
         (0..nodes).for_each(|node| first[node + 1] += first[node]);
-        let count = first[nodes] as usize;
+        let count = first[nodes];
         let (mut element_of, mut local_of, mut next) = (vec![0; count], vec![0; count], first.clone());
         for_each_face(elements, |element, local, lowest| {
-            let place = next[lowest as usize] as usize;
+            let place = next[lowest as usize];
             (element_of[place], local_of[place]) = (element, local);
             next[lowest as usize] += 1;
         });
@@ -62,7 +62,7 @@ impl<'a> FacesByCorner<'a> {
     fn at(&self, lowest: usize, faces: &mut Vec<Face>) {
         faces.clear();
         let Some(&[start, end]) = self.first.get(lowest..lowest + 2) else { return };
-        let numbers = start as usize..end as usize;
+        let numbers = start..end;
         let of = self.element_of[numbers.clone()].iter().zip(&self.local_of[numbers]);
         faces.extend(of.map(|(&element, &local)| self.face(element, local)));
         faces.sort_unstable_by_key(|face| (face.key, face.forward, face.element));

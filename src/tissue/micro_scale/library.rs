@@ -47,7 +47,8 @@ pub enum LibraryError {
     NoPointMaterial(String, IntegrationPoint),
 }
 
-/// The materials of a body, shared by all RVEs. Every rank that solves RVEs has the same library.
+/// The materials of a body, shared by all RVEs. Every rank has the same regions and models; it needs what varies over the
+/// body only at the points of its part.
 pub struct Library<B: Backend> {
     pub(super) context: B::Context,
     pub(super) models: Vec<RveModel<B>>,
@@ -215,13 +216,14 @@ impl<B: RealBackend> Library<B> {
         self.regions[region].0.material.formula()?.at(point)
     }
 
-    /// Returns true if the formula of a region, or that of the matrix of its RVEs, is the same at all points.
-    pub(super) fn is_uniform(&self, region: usize) -> bool {
-        matches!(self.regions[region].0.material.formula(), Some(Formulas::Uniform(_)))
+    /// Returns true if the formula of a region, or that of the matrix of its RVEs, varies.
+    pub(super) fn has_formulas_by_point(&self, region: usize) -> bool {
+        matches!(self.regions[region].0.material.formula(), Some(Formulas::Points(_)))
     }
 
     /// Releases the formulas, networks and fiber volume fractions of all points but these, ascending: those of the part of
-    /// this rank, or none on a rank that gets them with its RVEs.
+    /// this rank, or none on a rank that gets them with its RVEs. Formulas of other crates that vary over the body do not
+    /// come with RVEs: a rank that solves these must keep them.
     pub fn keep_points(&mut self, points: &[usize]) {
         self.regions.iter_mut().for_each(|(region, _)| region.material = region.material.on_points(points));
     }

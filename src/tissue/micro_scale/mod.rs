@@ -63,7 +63,7 @@ pub use lifecycle::RveStatus;
 pub(super) use moving::MovingError;
 pub use pieces::{Piece, PieceError, piece_file, piece_stem};
 pub(crate) use pieces::{verify_sealed, write_sealed};
-pub(super) use rve_material::RveMaterial;
+pub(super) use rve_material::{RveMaterial, SentMatrix};
 pub use sampled::SampledField;
 pub(super) use saved::SerializeIter;
 pub use saved::{FieldRestoreError, SavedSites, SleepingRve, UnitState};

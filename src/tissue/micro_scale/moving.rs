@@ -35,7 +35,7 @@ pub enum MovingError {
     /// The RVE does not match the materials of this rank.
     #[error(transparent)]
     State(#[from] FieldRestoreError),
-    /// This rank has not the region of the RVE, or not its network or matrix.
+    /// This rank does not have the region of the RVE, its network, or its matrix.
     #[error("{0}: the ranks have different materials")]
     Material(IntegrationPoint),
 }
@@ -86,7 +86,7 @@ impl<B: RealBackend> Units<B> {
     /// Removes the RVEs that left this rank, and appends those that arrived.
     ///
     /// # Errors
-    /// Returns [`MovingError`] if a message does not hold an RVE of a region of this rank.
+    /// Returns [`MovingError`] if a message holds an RVE whose region, network or matrix this rank does not have.
     pub fn migrate(&mut self, migration: &Migration, arrived: &[Message]) -> Result<(), MovingError> {
         let mut keep = vec![false; self.len()];
         migration.stayed().iter().for_each(|&number| keep[number as usize] = true);

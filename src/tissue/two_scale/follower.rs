@@ -17,12 +17,14 @@ pub(super) const RESPONSES: Tag = Tag::of(1);
 pub(super) const TIMES: Tag = Tag::of(2);
 /// Summaries of the RVEs of a shard.
 pub(super) const SUMMARIES: Tag = Tag::of(5);
+/// New and deleted RVEs of a shard.
+pub(super) const UPDATES: Tag = Tag::of(6);
 
 /// A command of the root of the macro scale to the others.
 #[derive(Serialize, Deserialize)]
 pub(super) enum FollowerCommand {
-    /// Delete and create RVEs.
-    UpdateRves(RveUpdate),
+    /// Delete and create the RVEs of an [`RveUpdate`] that comes for each rank.
+    UpdateRves,
     /// Update the couplings after RVEs have migrated between ranks of the micro scale.
     ReconcileMigrated,
     /// Receive tasks, exchange with the RVEs, and return the responses.
@@ -39,18 +41,17 @@ pub(super) enum FollowerCommand {
 /// Returns [`TwoScaleError`] if communication fails or a message does not follow the protocol.
 pub fn follow<C: Comm>(scales: &Scales<C>) -> Result<(), TwoScaleError> {
     let comm = scales.comm();
-    let shard_of = comm.broadcast(0, Message::new())?;
-    let shard_of = shard_of.values::<u32>().ok_or(TwoScaleError::Protocol)?;
-    let own = comm.rank() as u32;
     let mut shard = Shard::new(scales)?;
     let mut times = RankTimes::of_rank(scales.world().rank());
     loop {
         let waiting = Instant::now();
         match unpack(&comm.broadcast(0, Message::new())?)? {
-            FollowerCommand::UpdateRves(update) => {
+            FollowerCommand::UpdateRves => {
+                comm.wait_for(0, UPDATES)?;
                 times.idle += waiting.elapsed().as_secs_f64();
                 let start = Instant::now();
-                shard.update_rves(&update, |point| shard_of[point.element as usize] == own)?;
+                let update: RveUpdate = unpack(&comm.receive(0, UPDATES)?)?;
+                shard.update_rves(&update)?;
                 times.add_communication(start);
             }
             FollowerCommand::ReconcileMigrated => {

@@ -177,7 +177,8 @@ impl<'a, C: Comm, B: RealBackend> ScaleField<'a, C, B> {
         for unit in of_all_ranks.as_ref().unwrap_or(&deleted) {
             self.reports.networks.remove(unit);
         }
-        self.micro.update_rves(&RveUpdate { deleted, created })
+        let sends_matrices = self.library.sends_matrices();
+        self.micro.update_rves(RveUpdate { deleted, created, sends_matrices })
     }
 
     /// Deletes and creates the RVEs of these points, if there are any.

@@ -17,7 +17,7 @@ use serde::Deserialize;
 
 use super::TwoScaleError;
 use super::balance::{MigrationReport, When};
-use super::follower::{FollowerCommand, RESPONSES, SUMMARIES, TASKS, TIMES};
+use super::follower::{FollowerCommand, RESPONSES, SUMMARIES, TASKS, TIMES, UPDATES};
 use super::piece_messages::PieceFailure;
 use super::protocol::{
     Command, MICRO, RankReport, RankTimes, RveFailure, RveResponse, RveSummary, RveTask, Task, pack, unpack,
@@ -107,10 +107,6 @@ impl<'a, C: Comm> MicroProxy<'a, C> {
 
     /// Couples the scales, without RVEs.
     pub fn couple(&mut self) -> Result<(), TwoScaleError> {
-        let comm = self.scales.comm();
-        if let (BodySolve::Root, 2.., Some(shard_of)) = (self.body_solve, comm.size(), &self.shard_of) {
-            comm.broadcast(0, Message::of(shard_of))?;
-        }
         self.shard = Some(Shard::new(self.scales)?);
         Ok(())
     }
@@ -193,31 +189,44 @@ impl<'a, C: Comm> MicroProxy<'a, C> {
     }
 
     /// Deletes and creates RVEs on both scales.
-    pub fn update_rves(&mut self, update: &RveUpdate) -> Result<(), TwoScaleError> {
+    pub fn update_rves(&mut self, update: RveUpdate) -> Result<(), TwoScaleError> {
         let mut between = self.between.take();
         self.read_clock(&mut between);
         self.between = between;
         self.restart_clock();
-        self.send_to_followers(&FollowerCommand::UpdateRves(update.clone()))?;
+        self.send_to_followers(&FollowerCommand::UpdateRves)?;
+        let own = self.send_updates(update)?;
         self.broadcast(&Command::Units)?;
-        let own = self.scales.comm().rank() as u32;
-        let Self { shard: Some(shard), shard_of, .. } = self else { return Err(TwoScaleError::Protocol) };
-        shard.update_rves(update, |point| {
-            shard_of.as_ref().is_none_or(|shard_of| shard_of[point.element as usize] == own)
-        })?;
-        if let (BodySolve::Root, Some(shard_of)) = (self.body_solve, &self.shard_of) {
-            // Keeps the order of the shard of each rank.
-            let deleted: HashSet<u64> = update.deleted.iter().copied().collect();
-            for units in &mut self.units {
-                units.retain(|unit| !deleted.contains(unit));
-            }
-            for &(point, location, _) in &update.created {
-                self.units[shard_of[location.element as usize] as usize].push(point);
-            }
-        }
+        self.shard.as_mut().ok_or(TwoScaleError::Protocol)?.update_rves(&own)?;
         self.between.add_communication(self.since);
         self.restart_clock();
         Ok(())
+    }
+
+    /// Sends the ranks of the other shards what they create and delete. Returns that of the shard of this rank.
+    fn send_updates(&mut self, update: RveUpdate) -> Result<RveUpdate, TwoScaleError> {
+        let comm = self.scales.comm();
+        let Some(shard_of) = &self.shard_of else { return Ok(update) };
+        let RveUpdate { deleted, created, sends_matrices } = update;
+        let mut of_shards: Vec<RveUpdate> = Vec::new();
+        of_shards.resize_with(comm.size(), || RveUpdate { sends_matrices, ..RveUpdate::default() });
+        for new in created {
+            let (_, location, _) = &new;
+            of_shards[shard_of[location.element as usize] as usize].created.push(new);
+        }
+        if self.body_solve == BodySolve::Root {
+            // Keeps the order of the shard of each rank.
+            let gone: HashSet<u64> = deleted.iter().copied().collect();
+            for (units, update) in self.units.iter_mut().zip(&of_shards) {
+                units.retain(|unit| !gone.contains(unit));
+                units.extend(update.created.iter().map(|(point, ..)| *point));
+            }
+            for (rank, update) in of_shards.iter_mut().enumerate().skip(1) {
+                let update = RveUpdate { deleted: deleted.clone(), ..std::mem::take(update) };
+                comm.send(rank, UPDATES, pack(&update)?)?;
+            }
+        }
+        Ok(RveUpdate { deleted, ..of_shards.swap_remove(comm.rank()) })
     }
 
     /// Sends a task to all awake RVEs and returns their responses; those of other shards go through the rank of the

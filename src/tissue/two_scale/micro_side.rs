@@ -13,7 +13,8 @@ use super::channels::Channels;
 use super::piece_messages::PieceFailure;
 use super::progress::{ProgressChannel, ProgressSender};
 use super::protocol::{
-    Command, MACRO, NewRve, RankReport, RankTimes, RveFailure, RveResponse, RveSummary, RveTask, Task, pack, unpack,
+    Command, MACRO, NewMatrix, NewRve, RankReport, RankTimes, RveFailure, RveResponse, RveSummary, RveTask, Task, pack,
+    unpack,
 };
 use crate::coupling::Scales;
 use crate::coupling::balance::{Planner, Weights};
@@ -152,9 +153,14 @@ impl<C: Comm, B: RealBackend, P: Planner, V: Weights> MicroSide<'_, C, B, P, V> 
         let delta = self.channels.to_micro.reconcile_added()?;
         let mut new_rves = vec![NewRve::NONE; delta.units().len()];
         self.channels.new_rves.receive(&delta, &mut new_rves)?;
-        for (&point, new_rve) in delta.units().iter().zip(new_rves) {
+        let mut matrices =
+            vec![NewMatrix::NONE; if self.units.library().sends_matrices() { new_rves.len() } else { 0 }];
+        if self.units.library().sends_matrices() {
+            self.channels.new_matrices.receive(&delta, &mut matrices)?;
+        }
+        for (number, (&point, new_rve)) in delta.units().iter().zip(new_rves).enumerate() {
             let point = point as usize;
-            let material = new_rve.material()?;
+            let material = new_rve.material(matrices.get(number).unwrap_or(&NewMatrix::NONE))?;
             let region = material.region;
             let material = self.units.library().received(point, material);
             let (network, matrix) = material.ok_or(TwoScaleError::Materials(new_rve.location()))?;

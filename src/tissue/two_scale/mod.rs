@@ -159,7 +159,7 @@ pub enum TwoScaleError {
     /// An RVE cannot move to another rank.
     #[error("an RVE cannot move to another rank: {0}")]
     Moving(#[from] MovingError),
-    /// A rank has not the material of an RVE at this point.
+    /// A rank does not have the material of the RVE at this point.
     #[error("{0}: the ranks have different materials")]
     Materials(IntegrationPoint),
     /// No scale has this name.

@@ -1,5 +1,6 @@
 //! The messages between the scales: values per RVE, sent over the couplings, and commands of the load stepping loop.
 
+use std::sync::Arc;
 use std::time::Instant;
 
 use nalgebra::Matrix3;
@@ -10,8 +11,10 @@ use super::piece_messages::FolderName;
 use crate::fem::material::Response;
 use crate::fem::mesh::IntegrationPoint;
 use crate::las::{Message, bytemuck};
+use crate::tissue::materials::Formula;
 use crate::tissue::micro_scale::{
-    DeformedNetwork, Piece, PointFailure, PointNetwork, PointSummary, RveCost, RveMaterial, RveStats, UnitState,
+    DeformedNetwork, Piece, PointFailure, PointNetwork, PointSummary, RveCost, RveMaterial, RveStats, SentMatrix,
+    UnitState,
 };
 
 /// The name of the scale of the body in `[scales]` of a case.
@@ -19,16 +22,30 @@ pub const MACRO: &str = "macro";
 /// The name of the scale of the RVEs.
 pub const MICRO: &str = "micro";
 
-/// Words that suffice for the material of an RVE.
-const MATERIAL: usize = 24;
+/// Words that suffice for a formula.
+const FORMULA: usize = 20;
 
 crate::payload! {
     /// The data that creates an RVE.
     pub struct NewRve {
         /// Its element, the position of its point in the element, and the number of points of the element.
         pub location: [u64; 3],
-        /// Its encoded material.
-        material: [u64; MATERIAL],
+        /// The region of the case that its point belongs to.
+        region: u64,
+        /// The index of its network among the models, plus one; 0 for an RVE without fibers.
+        network: u64,
+        /// The stress of the RVE over that of its model.
+        factor: f64,
+        /// 0 without a matrix, 1 for that of the region, 2 for a [`NewMatrix`].
+        matrix: u64,
+    }
+}
+
+crate::payload! {
+    /// The matrix of a new RVE, if those of RVEs vary over the body.
+    pub struct NewMatrix {
+        /// The encoded formula.
+        formula: [u64; FORMULA],
     }
 }
 
@@ -115,32 +132,66 @@ impl RveSummary {
 }
 
 impl NewRve {
-    /// The size of the data of an RVE that is not known yet.
-    pub const NONE: Self = Self { location: [0; 3], material: [0; MATERIAL] };
+    /// The data of an RVE before they are received.
+    pub const NONE: Self = Self { location: [0; 3], region: 0, network: 0, factor: 0.0, matrix: 0 };
 
     /// Creates an RVE at a point.
-    ///
-    /// # Errors
-    /// Never in practice: all formulas fit.
-    pub fn new(point: IntegrationPoint, material: &RveMaterial) -> Result<Self, postcard::Error> {
+    pub fn new(point: IntegrationPoint, material: &RveMaterial) -> Self {
         let IntegrationPoint { element, point, points } = point;
-        let mut new = Self { location: [element.into(), point.into(), points.into()], ..Self::NONE };
-        postcard::to_slice(material, bytemuck::cast_slice_mut(&mut new.material))?;
-        Ok(new)
+        let PointNetwork { model, factor } = material.network.unwrap_or(PointNetwork { model: 0, factor: 0.0 });
+        Self {
+            location: [element.into(), point.into(), points.into()],
+            region: material.region as u64,
+            network: material.network.map_or(0, |_| model as u64 + 1),
+            factor,
+            matrix: match material.matrix {
+                SentMatrix::None => 0,
+                SentMatrix::OfRegion => 1,
+                SentMatrix::Formula(_) => 2,
+            },
+        }
     }
 
-    /// Returns its material.
+    /// Returns its material; `matrix` is what came with it.
     ///
     /// # Errors
-    /// Returns an error if the bytes do not encode one.
-    pub fn material(&self) -> Result<RveMaterial, postcard::Error> {
-        postcard::take_from_bytes(bytemuck::cast_slice(&self.material)).map(|(material, _)| material)
+    /// Returns an error if the matrix is needed and encodes no formula.
+    pub fn material(&self, matrix: &NewMatrix) -> Result<RveMaterial, postcard::Error> {
+        let model = self.network.checked_sub(1);
+        let matrix = match self.matrix {
+            0 => SentMatrix::None,
+            1 => SentMatrix::OfRegion,
+            _ => SentMatrix::Formula(matrix.formula()?),
+        };
+        let network = model.map(|model| PointNetwork { model: model as usize, factor: self.factor });
+        Ok(RveMaterial { region: self.region as usize, network, matrix })
     }
 
     /// Returns its point.
     pub fn location(&self) -> IntegrationPoint {
         let [element, point, points] = self.location;
         IntegrationPoint { element: element as u32, point: point as u16, points: points as u16 }
+    }
+}
+
+impl NewMatrix {
+    /// The matrix of an RVE that needs none.
+    pub const NONE: Self = Self { formula: [0; FORMULA] };
+
+    /// Packs the matrix of a material, if it has to be sent.
+    ///
+    /// # Errors
+    /// Never in practice: all formulas fit.
+    pub fn new(material: &RveMaterial) -> Result<Self, postcard::Error> {
+        let mut new = Self::NONE;
+        if let SentMatrix::Formula(formula) = &material.matrix {
+            postcard::to_slice(formula, bytemuck::cast_slice_mut(&mut new.formula))?;
+        }
+        Ok(new)
+    }
+
+    fn formula(&self) -> Result<Arc<Formula>, postcard::Error> {
+        postcard::take_from_bytes(bytemuck::cast_slice(&self.formula)).map(|(formula, _)| formula)
     }
 }
 
@@ -361,9 +412,9 @@ mod tests {
     use crate::fem::material::{
         Guccione, HolmesMow, HolzapfelGasserOgden, LinearElastic, NeoHookean, TransverseModuli,
     };
-    use crate::tissue::materials::{Formula, TransverseFormula};
+    use crate::tissue::materials::TransverseFormula;
 
-    /// Every formula fits into the data of a new RVE beside the longest other numbers, and arrives with the same bits.
+    /// Every formula fits into the data of a new RVE, and arrives with the same bits.
     #[test]
     fn new_rves_bring_their_material_along() {
         let (mu, lambda, axis) = (1.0 / 3.0, 2.0e9 / 7.0, Vector3::new(1.0, 2.0, 3.0).normalize());
@@ -384,10 +435,13 @@ mod tests {
         ];
         let location = IntegrationPoint { element: u32::MAX - 1, point: 26, points: 27 };
         for formula in formulas {
-            let network = Some(PointNetwork { model: usize::MAX, factor: 0.1 });
-            let material = RveMaterial::of(usize::MAX, network, &formula);
-            let new = NewRve::new(location, &material).unwrap();
-            assert_eq!((new.location(), new.material().unwrap()), (location, material));
+            let network = Some(PointNetwork { model: 7, factor: 0.1 });
+            let matrix = SentMatrix::Formula(Arc::new(formula));
+            for (network, matrix) in [(network, matrix), (None, SentMatrix::OfRegion), (network, SentMatrix::None)] {
+                let material = RveMaterial { region: 3, network, matrix };
+                let (new, matrix) = (NewRve::new(location, &material), NewMatrix::new(&material).unwrap());
+                assert_eq!((new.location(), new.material(&matrix).unwrap()), (location, material));
+            }
         }
     }
 }

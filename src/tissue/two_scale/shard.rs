@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::TwoScaleError;
 use super::channels::Channels;
-use super::protocol::{NewRve, RankTimes, RveResponse, RveSummary, RveTask};
+use super::protocol::{NewMatrix, NewRve, RankTimes, RveResponse, RveSummary, RveTask};
 use crate::coupling::{EvenPartition, Scales, UnitId};
 use crate::fem::mesh::IntegrationPoint;
 use crate::las::Comm;
@@ -22,13 +22,15 @@ pub(super) struct Shard<C: Comm> {
     exchange: f64,
 }
 
-/// Changes of the RVEs of the whole body.
+/// Changes of the RVEs of a shard. Among those deleted may be RVEs of others.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct RveUpdate {
     /// The points whose RVEs are deleted.
     pub deleted: Vec<UnitId>,
-    /// The new RVEs: their points, the positions of these, and the materials.
+    /// The point, its position and the material of each new RVE.
     pub created: Vec<(UnitId, IntegrationPoint, RveMaterial)>,
+    /// Whether RVEs bring their matrices along.
+    pub sends_matrices: bool,
 }
 
 impl<C: Comm> Shard<C> {
@@ -43,20 +45,19 @@ impl<C: Comm> Shard<C> {
     }
 
     /// Deletes and creates RVEs of this shard. Collective over both scales.
-    pub fn update_rves(
-        &mut self,
-        update: &RveUpdate,
-        is_own: impl Fn(IntegrationPoint) -> bool,
-    ) -> Result<(), TwoScaleError> {
+    pub fn update_rves(&mut self, update: &RveUpdate) -> Result<(), TwoScaleError> {
         let existing: HashSet<UnitId> = self.channels.to_micro.units().iter().copied().collect();
         let deleted: Vec<UnitId> = update.deleted.iter().copied().filter(|unit| existing.contains(unit)).collect();
         self.channels.to_micro.remove(&deleted)?;
-        let created = || update.created.iter().filter(|(_, location, _)| is_own(*location));
+        let created = || update.created.iter();
         let units: Vec<UnitId> = created().map(|(point, ..)| *point).collect();
-        let new_rves = created().map(|(_, location, material)| NewRve::new(*location, material));
-        let new_rves = new_rves.collect::<Result<Vec<_>, _>>()?;
+        let new_rves: Vec<NewRve> = created().map(|(_, location, material)| NewRve::new(*location, material)).collect();
         let delta = self.channels.to_micro.add(&units, &[], &EvenPartition)?;
         self.channels.new_rves.send(&delta, &new_rves)?;
+        if update.sends_matrices {
+            let matrices = created().map(|(.., material)| NewMatrix::new(material)).collect::<Result<Vec<_>, _>>()?;
+            self.channels.new_matrices.send(&delta, &matrices)?;
+        }
         self.channels.to_macro = self.channels.to_micro.inverse();
         Ok(())
     }

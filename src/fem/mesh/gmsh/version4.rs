@@ -120,7 +120,12 @@ pub(super) fn elements(cursor: &mut Cursor<'_>, raw: &mut Raw) -> Result<(), Inp
         }
         if let ElementTreatment::Volume(element_type) = treatment {
             let nodes = here.saturating_mul(element_type.nodes() as u64);
-            raw.node_tags.reserve_exact(cursor.at_most(nodes, 4));
+            let nodes = cursor.at_most(nodes, 4);
+            // Meshes of many small blocks would otherwise be copied for each of them.
+            match nodes < raw.node_tags.len() {
+                true => raw.node_tags.reserve(nodes),
+                false => raw.node_tags.reserve_exact(nodes),
+            }
         }
         for _ in 0..here {
             cursor.begin_row();
