@@ -278,3 +278,14 @@ impl Neighbors {
         &self.near[self.first[element]..self.first[element + 1]]
     }
 }
+
+#[cfg(feature = "metis")]
+impl crate::backends::metis::Graph for Neighbors {
+    fn nodes(&self) -> usize {
+        self.elements()
+    }
+
+    fn near(&self, element: usize) -> &[u32] {
+        self.of(element)
+    }
+}

@@ -1,8 +1,6 @@
 //! Assignment of the elements to the ranks of the macro scale.
 
 use crate::fem::mesh::Mesh;
-#[cfg(feature = "metis")]
-use crate::fem::mesh::Neighbors;
 
 /// Returns the shard of every element: `shards` shards with about as many elements each and few faces between them, the
 /// same on every rank. METIS partitions if it is compiled in (cargo feature `metis`) and leaves no shard empty;
@@ -21,17 +19,6 @@ pub fn partition(mesh: &Mesh, shards: usize) -> Vec<u32> {
     let mut all: Vec<u32> = (0..elements as u32).collect();
     bisect(&centers, &mut all, 0, shards, &mut shard_of);
     shard_of
-}
-
-#[cfg(feature = "metis")]
-impl crate::backends::metis::Graph for Neighbors {
-    fn nodes(&self) -> usize {
-        self.elements()
-    }
-
-    fn near(&self, element: usize) -> &[u32] {
-        self.of(element)
-    }
 }
 
 /// Partitions by METIS; `None` if METIS fails or leaves a shard empty, which happens if there are few elements.
