@@ -58,14 +58,14 @@ impl<'a> FacesByCorner<'a> {
         Self { elements, first, element_of, local_of }
     }
 
-    /// Writes the faces with this lowest corner, sorted by their keys, into `faces`.
-    fn at(&self, lowest: usize, faces: &mut Vec<Face>) {
-        faces.clear();
-        let Some(&[start, end]) = self.first.get(lowest..lowest + 2) else { return };
-        let numbers = start..end;
+    /// The faces with this lowest corner, in the order of their elements.
+    fn at(&self, lowest: usize) -> impl Iterator<Item = Face> {
+        let numbers = match self.first.get(lowest..lowest + 2) {
+            Some(&[start, end]) => start..end,
+            _ => 0..0,
+        };
         let of = self.element_of[numbers.clone()].iter().zip(&self.local_of[numbers]);
-        faces.extend(of.map(|(&element, &local)| self.face(element, local)));
-        faces.sort_unstable_by_key(|face| (face.key, face.forward, face.element));
+        of.map(|(&element, &local)| self.face(element, local))
     }
 
     fn face(&self, element: u32, local: u8) -> Face {
@@ -82,7 +82,9 @@ impl<'a> FacesByCorner<'a> {
     fn try_each<E>(&self, mut action: impl FnMut(&[Face]) -> Result<(), E>) -> Result<(), E> {
         let mut faces = Vec::new();
         for lowest in 0..self.first.len() - 1 {
-            self.at(lowest, &mut faces);
+            faces.clear();
+            faces.extend(self.at(lowest));
+            faces.sort_unstable_by_key(|face: &Face| (face.key, face.forward, face.element));
             action(&faces)?;
         }
         Ok(())
@@ -90,10 +92,7 @@ impl<'a> FacesByCorner<'a> {
 
     /// Returns the faces with this key: none, one at the boundary, or two between elements.
     fn owners(&self, key: Key) -> Vec<Face> {
-        let mut faces = Vec::new();
-        self.at(key[0] as usize, &mut faces);
-        faces.retain(|face| face.key == key);
-        faces
+        self.at(key[0] as usize).filter(|face| face.key == key).collect()
     }
 
     /// Calls `action` with the two elements of each face between elements.

@@ -153,9 +153,9 @@ impl<C: Comm, B: RealBackend, P: Planner, V: Weights> MicroSide<'_, C, B, P, V> 
         let delta = self.channels.to_micro.reconcile_added()?;
         let mut new_rves = vec![NewRve::NONE; delta.units().len()];
         self.channels.new_rves.receive(&delta, &mut new_rves)?;
-        let mut matrices =
-            vec![NewMatrix::NONE; if self.units.library().sends_matrices() { new_rves.len() } else { 0 }];
+        let mut matrices = Vec::new();
         if self.units.library().sends_matrices() {
+            matrices.resize(new_rves.len(), NewMatrix::NONE);
             self.channels.new_matrices.receive(&delta, &mut matrices)?;
         }
         for (number, (&point, new_rve)) in delta.units().iter().zip(new_rves).enumerate() {

@@ -20,8 +20,8 @@ pub struct LaneEnd<'a> {
     numbers: &'a [f64],
     /// The positions of the interior nodes; empty without an equilibrium.
     pub positions: Vec<[f64; 3]>,
-    /// The sensitivities, as in [`LaneStart::sensitivities`](super::LaneStart::sensitivities); empty without an equilibrium or without
-    /// tangent.
+    /// The sensitivities, as in [`LaneStart::sensitivities`](super::LaneStart::sensitivities); empty without an
+    /// equilibrium or without tangent.
     pub sensitivities: Vec<[f32; 3 * MODES]>,
 }
 
