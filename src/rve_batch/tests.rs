@@ -13,6 +13,7 @@ use crate::backends::sparse::Sparse;
 use crate::fiber::batch::{BatchProgress, BatchSolver};
 use crate::fiber::equilibrium::{converges_to, equilibrate};
 use crate::fiber::law::FiberMaterial;
+use crate::fiber::network::Network;
 use crate::fiber::network::generate::{delaunay, voronoi};
 use crate::fiber::rve::{Rve, Sensitivities, StressScale};
 use crate::fiber::workspace::Workspace;
@@ -236,6 +237,34 @@ fn networks_of_any_shape_fit_a_batch() {
         let model = RveModel::new(&(), Arc::new(network), Some(material(law.clone())), scale).unwrap();
         let mut random = Random::new(8);
         compare(&model, false, &[gradients(10, 0.3, &mut random)]);
+    }
+}
+
+/// Returns a network whose nodes on the boundary have several fibers, some of them parallel, or fibers to others on the
+/// boundary.
+fn tangled() -> Network {
+    let plain = delaunay(20, 7).unwrap();
+    let is_boundary = |node: u32| plain.boundary().contains(&node);
+    let (interior, boundary) = (plain.interior(), plain.boundary());
+    let mut fibers = plain.fibers().to_vec();
+    let ends = fibers.iter().copied().filter(|ends| ends.iter().filter(|&&node| is_boundary(node)).count() == 1);
+    let parallel: Vec<[u32; 2]> = ends.step_by(5).flat_map(|[a, b]| [[b, a], [a, b]]).collect();
+    fibers.extend(parallel);
+    let inner = fibers.iter().copied().find(|ends| !ends.iter().any(|&node| is_boundary(node)));
+    fibers.extend(inner);
+    fibers.extend((0..4).map(|k| [boundary[3 * k], interior[5 * k]]));
+    fibers.extend([[boundary[1], boundary[20]], [boundary[20], boundary[1]], [boundary[4], boundary[30]]]);
+    Network::new("tangled", plain.nodes().to_vec(), fibers).unwrap()
+}
+
+#[test]
+fn fibers_between_any_nodes_fit_a_batch() {
+    for law in laws() {
+        let material = FiberMaterial { law, radius: 3.5e-8, density: None };
+        let model = RveModel::new(&(), Arc::new(tangled()), Some(material), StressScale::Raw).unwrap();
+        let mut random = Random::new(3);
+        let increments = [gradients(9, 0.03, &mut random), gradients(9, 0.05, &mut random)];
+        compare(&model, true, &increments);
     }
 }
 

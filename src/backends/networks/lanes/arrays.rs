@@ -13,11 +13,13 @@ use crate::backends::networks::MODES;
 pub(super) struct Arrays<'a, S: Double> {
     /// Three coordinates of each node, at which forces are evaluated.
     pub positions: &'a mut [S::Stored],
-    /// Three of each node: the internal force, the derivative of the energy.
+    /// Three of each node, without those of end fibers on the boundary: the internal force, the derivative of the energy.
     pub forces: &'a mut [S::Stored],
-    /// Six of each connection: the stiffness of its fibers. In the matrix, that of two interior nodes is the negative of
-    /// their block.
+    /// Six of each connection, without those of end fibers: the stiffness of its fibers. In the matrix, that of two
+    /// interior nodes is the negative of their block.
     pub connections: &'a mut [S::Stored],
+    /// Two of each end fiber, [`EndStiffness`](super::forces::EndStiffness), at the end of a solution.
+    pub ends: &'a mut [S::Stored],
     /// Six of each interior node: the diagonal block of the stiffness.
     pub stiffness: &'a mut [S::Stored],
     /// Six of each interior node: the inverse of the diagonal block of the factor.
@@ -62,14 +64,15 @@ thread_local! {
 
 /// The numbers of entries of the arrays of a network. A number of single precision takes `single_bytes` of a lane; 0 if
 /// there are none.
-fn lengths(network: &Network, single_bytes: usize) -> [usize; 9] {
+fn lengths(network: &Network, single_bytes: usize) -> [usize; 10] {
     let Network { interior, nodes, .. } = *network;
     let blocks = network.schedule.blocks();
     let single = (single_bytes * single_lengths(network).iter().sum::<usize>()).div_ceil(size_of::<f64>());
     [
         3 * nodes,
-        3 * nodes,
+        3 * network.first_end_node(),
         6 * network.connections.len(),
+        2 * network.end_fibers().len(),
         6 * interior,
         6 * interior,
         9 * (blocks + 1),
@@ -112,8 +115,19 @@ pub(super) fn with_arrays<S: Double, R>(
             rest = others;
             taken
         };
-        let [positions, forces, connections, stiffness, diagonal, lower, direction, modes, loads] =
+        let [positions, forces, connections, ends, stiffness, diagonal, lower, direction, modes, loads] =
             lengths.map(&mut take);
-        action(&mut Arrays { positions, forces, connections, stiffness, diagonal, lower, direction, modes, loads })
+        action(&mut Arrays {
+            positions,
+            forces,
+            connections,
+            ends,
+            stiffness,
+            diagonal,
+            lower,
+            direction,
+            modes,
+            loads,
+        })
     })
 }

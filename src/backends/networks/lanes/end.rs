@@ -3,6 +3,7 @@
 use super::arrays::Arrays;
 use super::blocks::Node;
 use super::course::Course;
+use super::forces::EvaluateEnds;
 use super::network::Network;
 use super::simd::{Double, Kernel, Lanes, MOST_LANES, load, numbers_of, store};
 use super::tangent::{ComputeProducts, Energy, SolveModes, Stress, strain};
@@ -77,6 +78,7 @@ pub(super) fn condense<S: Double, const C: usize>(
     let mut write = |at: usize, lanes: Lanes<S>| {
         results.iter_mut().zip(lanes.numbers()).for_each(|(numbers, value)| numbers[at] = value);
     };
+    simd.vectorize(EvaluateEnds { network, arrays });
     if wants_tangent {
         simd.vectorize(SolveModes::<S, C> { network, arrays });
         let products = simd.vectorize(ComputeProducts { network, arrays });

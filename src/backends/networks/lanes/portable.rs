@@ -106,6 +106,11 @@ impl Simd for Portable {
     }
 
     #[inline(always)]
+    fn all(self, mask: [bool; 4]) -> bool {
+        mask == [true; 4]
+    }
+
+    #[inline(always)]
     fn numbers(stored: &Stored4) -> [f64; MOST_LANES] {
         let [a, b, c, d] = stored.0;
         [a, b, c, d, 0.0, 0.0, 0.0, 0.0]

@@ -49,6 +49,8 @@ pub(super) trait Simd: Copy + Send + Sync {
     /// `a <= b`, false if one is not a number.
     fn less_or_equal(self, a: Self::Floats, b: Self::Floats) -> Self::Mask;
     fn select(self, mask: Self::Mask, a: Self::Floats, b: Self::Floats) -> Self::Floats;
+    /// Whether the mask is true for all lanes.
+    fn all(self, mask: Self::Mask) -> bool;
     /// The numbers of the lanes in memory; zeros beyond the last lane.
     fn numbers(stored: &Self::Stored) -> [f64; MOST_LANES];
 }

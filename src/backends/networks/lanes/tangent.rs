@@ -2,7 +2,7 @@
 
 use super::arrays::Arrays;
 use super::blocks::{Block, Node, Triangle, multiply_symmetric};
-use super::forces::{add_to, stretch_of, subtract_from, vector, vector_and_length};
+use super::forces::{EndStiffness, add_to, stretch_of, subtract_from, vector, vector_and_length};
 use super::network::Network;
 use super::simd::{Double, Kernel, Lanes, load, numbers_of_mut, store};
 use super::triangular::{backward, forward};
@@ -36,8 +36,8 @@ fn spin<S: Double>(w: usize, x: &Node<S>) -> Node<S> {
     }
 }
 
-/// Computes the sensitivities of interior nodes to the six strains into `modes`; requires the factor of the stiffness
-/// and the stiffness of the connections.
+/// Computes the sensitivities of interior nodes to the six strains into `modes`; requires the factor of the stiffness,
+/// the stiffness of the connections, and that of the end fibers.
 pub(super) struct SolveModes<'a, 'b, S: Double, const C: usize> {
     pub network: &'a Network,
     pub arrays: &'a mut Arrays<'b, S>,
@@ -49,8 +49,13 @@ impl<S: Double, const C: usize> Kernel<S> for SolveModes<'_, '_, S, C> {
     #[inline(always)]
     fn run(self, simd: S) {
         let Self { network, arrays } = self;
-        let Arrays { positions, connections, diagonal, lower, modes, .. } = arrays;
-        numbers_of_mut::<S>(modes).fill(0.0);
+        let Arrays { positions, connections, ends, diagonal, lower, modes, .. } = arrays;
+        for node in 0..network.interior {
+            let loads = loads_of_end_fibers(simd, network, positions, ends, node);
+            for mode in 0..MODES {
+                store(&loads[mode], modes, MODES * node + mode);
+            }
+        }
         for (number, &ends) in network.connections.iter().enumerate() {
             let [a, b] = ends.map(|node| node as usize);
             if a >= network.interior {
@@ -78,6 +83,42 @@ impl<S: Double, const C: usize> Kernel<S> for SolveModes<'_, '_, S, C> {
     }
 }
 
+/// Returns the forces of the six strains at an interior node by its end fibers, with the signs changed: the sums of
+/// `geometric E d + material d (d^T E d)` over its end fibers with the vectors `d`, for each strain `E`.
+#[inline(always)]
+fn loads_of_end_fibers<S: Double>(
+    simd: S,
+    network: &Network,
+    positions: &[S::Stored],
+    ends: &[S::Stored],
+    node: usize,
+) -> [Node<S>; MODES] {
+    let zero = Lanes::splat(simd, 0.0);
+    let (mut first, mut third) = ([zero; 3], [[zero; 3]; MODES]);
+    for number in network.end_fibers_of(node) {
+        let d = vector(simd, positions, network.end_fibers()[number].ends);
+        let EndStiffness { geometric, material } = EndStiffness::load(simd, ends, number);
+        let twice = [2.0 * d[0], 2.0 * d[1]];
+        // Half the change of the squared length by each unit strain.
+        let changes = [d[0] * d[0], d[1] * d[1], d[2] * d[2], twice[1] * d[2], twice[0] * d[2], twice[0] * d[1]];
+        for p in 0..3 {
+            first[p].subtract_product(geometric, d[p]);
+            let along = material * d[p];
+            for mode in 0..MODES {
+                third[mode][p].subtract_product(along, changes[mode]);
+            }
+        }
+    }
+    let mut loads = [[zero; 3]; MODES];
+    for mode in 0..MODES {
+        let across = strain(mode, &first);
+        for p in 0..3 {
+            loads[mode][p] = across[p] + third[mode][p];
+        }
+    }
+    loads
+}
+
 /// The products of sensitivities of a group of networks.
 pub(super) struct Products<S: Double> {
     /// Those of the positions for six strains and three rotations (rows) with those of the forces for six strains.
@@ -101,7 +142,9 @@ impl<S: Double> Kernel<S> for ComputeProducts<'_, '_, S> {
         let Self { network, arrays } = self;
         let zero = Lanes::splat(simd, 0.0);
         numbers_of_mut::<S>(&mut arrays.loads[..3 * MODES * network.interior]).fill(0.0);
-        let (moments, of_boundary) = sum_connections(simd, network, arrays);
+        let mut of_boundary = OfBoundary::new(simd);
+        of_boundary.add_connections(simd, network, arrays);
+        of_boundary.add_end_fibers(simd, network, arrays);
         let Arrays { positions, modes, loads, .. } = arrays;
         let mut form = [[zero; MODES]; MODES + 3];
         let mut of_interior = zero;
@@ -119,7 +162,7 @@ impl<S: Double> Kernel<S> for ComputeProducts<'_, '_, S> {
                 }
             }
         }
-        for (l, moment) in moments.iter().enumerate() {
+        for (l, moment) in of_boundary.moments.iter().enumerate() {
             for k in 0..=l {
                 form[k][l] += strain_product(k, moment);
             }
@@ -132,62 +175,96 @@ impl<S: Double> Kernel<S> for ComputeProducts<'_, '_, S> {
                 form[l][k] = form[k][l];
             }
         }
-        let all = of_interior + of_boundary;
+        let all = of_interior + of_boundary.squares;
         let is_zero = all.less_or_equal(zero);
         Products { form, imbalance: zero.where_or(is_zero, of_interior.div(all).sqrt()) }
     }
 }
 
-/// Adds the force sensitivities of the connections to `loads` of interior nodes. Returns for each mode the sum over the
-/// ends of connections on the boundary of position times force sensitivity, row by row, and the sum of the squares of these
-/// sensitivities.
-#[inline(always)]
-fn sum_connections<S: Double>(simd: S, network: &Network, arrays: &mut Arrays<'_, S>) -> ([Block<S>; MODES], Lanes<S>) {
-    let Arrays { positions, connections, modes, loads, .. } = arrays;
-    let zero = Lanes::splat(simd, 0.0);
-    let (mut moments, mut squares) = ([[zero; 9]; MODES], zero);
-    for (number, ends) in network.connections.iter().enumerate() {
-        let [a, b] = ends.map(|node| node as usize);
-        let block: Triangle<S> = load(simd, connections, number);
-        if b < network.interior {
-            for mode in 0..MODES {
-                let of_a: Node<S> = load(simd, modes, MODES * a + mode);
-                let of_b: Node<S> = load(simd, modes, MODES * b + mode);
-                let apart = [of_a[0] - of_b[0], of_a[1] - of_b[1], of_a[2] - of_b[2]];
-                let force = multiply_symmetric(&block, &apart);
-                add_to(simd, loads, MODES * a + mode, &force);
-                subtract_from(simd, loads, MODES * b + mode, &force);
-            }
-            continue;
-        }
-        let mut x: Node<S> = load(simd, positions, b);
-        if a >= network.interior {
-            let of_a: Node<S> = load(simd, positions, a);
-            x = [x[0] - of_a[0], x[1] - of_a[1], x[2] - of_a[2]];
-        }
-        for mode in 0..MODES {
-            let mut apart = strain(mode, &x);
-            if a < network.interior {
-                let of_a: Node<S> = load(simd, modes, MODES * a + mode);
-                apart = [apart[0] - of_a[0], apart[1] - of_a[1], apart[2] - of_a[2]];
-            }
-            let force = multiply_symmetric(&block, &apart);
-            if a < network.interior {
-                subtract_from(simd, loads, MODES * a + mode, &force);
-            }
-            // A connection of two boundary nodes has two ends there.
-            squares += dot(&force, &force);
-            if a >= network.interior {
-                squares += dot(&force, &force);
-            }
-            for p in 0..3 {
-                for q in 0..3 {
-                    moments[mode][3 * p + q].add_product(x[p], force[q]);
-                }
+/// The sums over the ends of connections on the boundary.
+struct OfBoundary<S: Double> {
+    /// Position times force sensitivity of each mode, row by row.
+    moments: [Block<S>; MODES],
+    /// The squares of the force sensitivities.
+    squares: Lanes<S>,
+}
+
+impl<S: Double> OfBoundary<S> {
+    #[inline(always)]
+    fn new(simd: S) -> Self {
+        let zero = Lanes::splat(simd, 0.0);
+        Self { moments: [[zero; 9]; MODES], squares: zero }
+    }
+
+    /// Adds the force of a mode at the position `x`.
+    #[inline(always)]
+    fn add(&mut self, mode: usize, x: &Node<S>, force: &Node<S>) {
+        self.squares += dot(force, force);
+        for p in 0..3 {
+            for q in 0..3 {
+                self.moments[mode][3 * p + q].add_product(x[p], force[q]);
             }
         }
     }
-    (moments, squares)
+
+    /// Adds the connections of this network, and adds their force sensitivities to `loads` of interior nodes.
+    #[inline(always)]
+    fn add_connections(&mut self, simd: S, network: &Network, arrays: &mut Arrays<'_, S>) {
+        let Arrays { positions, connections, modes, loads, .. } = arrays;
+        for (number, ends) in network.connections.iter().enumerate() {
+            let [a, b] = ends.map(|node| node as usize);
+            let block: Triangle<S> = load(simd, connections, number);
+            if b < network.interior {
+                for mode in 0..MODES {
+                    let of_a: Node<S> = load(simd, modes, MODES * a + mode);
+                    let of_b: Node<S> = load(simd, modes, MODES * b + mode);
+                    let apart = [of_a[0] - of_b[0], of_a[1] - of_b[1], of_a[2] - of_b[2]];
+                    let force = multiply_symmetric(&block, &apart);
+                    add_to(simd, loads, MODES * a + mode, &force);
+                    subtract_from(simd, loads, MODES * b + mode, &force);
+                }
+                continue;
+            }
+            let mut x: Node<S> = load(simd, positions, b);
+            if a >= network.interior {
+                let of_a: Node<S> = load(simd, positions, a);
+                x = [x[0] - of_a[0], x[1] - of_a[1], x[2] - of_a[2]];
+            }
+            for mode in 0..MODES {
+                let mut apart = strain(mode, &x);
+                if a < network.interior {
+                    let of_a: Node<S> = load(simd, modes, MODES * a + mode);
+                    apart = [apart[0] - of_a[0], apart[1] - of_a[1], apart[2] - of_a[2]];
+                }
+                let force = multiply_symmetric(&block, &apart);
+                if a < network.interior {
+                    subtract_from(simd, loads, MODES * a + mode, &force);
+                } else {
+                    // A connection of two boundary nodes has two ends there.
+                    self.squares += dot(&force, &force);
+                }
+                self.add(mode, &x, &force);
+            }
+        }
+    }
+
+    /// Adds the end fibers, and adds their force sensitivities to `loads` of interior nodes.
+    #[inline(always)]
+    fn add_end_fibers(&mut self, simd: S, network: &Network, arrays: &mut Arrays<'_, S>) {
+        let Arrays { positions, ends, modes, loads, .. } = arrays;
+        for (number, fiber) in network.end_fibers().iter().enumerate() {
+            let d = vector(simd, positions, fiber.ends);
+            let stiffness = EndStiffness::load(simd, ends, number);
+            let [a, b] = fiber.ends.map(|node| node as usize);
+            let x: Node<S> = load(simd, positions, b);
+            for mode in 0..MODES {
+                let (affine, v): (_, Node<S>) = (strain(mode, &x), load(simd, modes, MODES * a + mode));
+                let force = stiffness.multiply(&d, &[affine[0] - v[0], affine[1] - v[1], affine[2] - v[2]]);
+                subtract_from(simd, loads, MODES * a + mode, &force);
+                self.add(mode, &x, &force);
+            }
+        }
+    }
 }
 
 /// Returns the product of the `k`-th unit strain of positions with forces, from the sum of positions times forces.
@@ -231,8 +308,16 @@ impl<S: Double> Kernel<S> for Stress<'_, '_, S> {
     fn run(self, simd: S) -> [Lanes<S>; 9] {
         let Self { network, arrays } = self;
         let mut stress = [Lanes::splat(simd, 0.0); 9];
-        for (rest, node) in network.boundary.iter().zip(network.interior..) {
-            let force: Node<S> = load(simd, arrays.forces, node);
+        let nodes = network.interior..network.nodes;
+        for (rest, node) in network.boundary.iter().zip(nodes) {
+            let force: Node<S> = match node.checked_sub(network.first_end_node()) {
+                None => load(simd, arrays.forces, node),
+                Some(number) => {
+                    let d = vector(simd, arrays.positions, network.end_fibers()[number].ends);
+                    let EndStiffness { geometric, .. } = EndStiffness::load(simd, arrays.ends, number);
+                    [geometric * d[0], geometric * d[1], geometric * d[2]]
+                }
+            };
             for p in 0..3 {
                 for q in 0..3 {
                     stress[3 * p + q] += force[p] * rest[q];

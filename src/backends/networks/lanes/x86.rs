@@ -24,7 +24,7 @@ const PANELS: Option<PanelShape> = Some(PanelShape { tiles: 8, depth: 16, least:
 macro_rules! lanes {
     ($simd:ty, $instructions:ty, $number:ty, $lanes:literal, $columns:literal, $floats:ty, $mask:ty,
      $stored:ident, $splat:ident, $add:ident, $sub:ident, $mul:ident, $div:ident, $mul_add:ident, $negate_mul_add:ident, $sqrt:ident,
-     $abs:ident, $less:ident, $less_or_equal:ident, $select:ident) => {
+     $abs:ident, $less:ident, $less_or_equal:ident, $select:ident, $all:expr) => {
         impl Simd for $simd {
             type Floats = $floats;
             type Mask = $mask;
@@ -109,6 +109,11 @@ macro_rules! lanes {
             }
 
             #[inline(always)]
+            fn all(self, mask: $mask) -> bool {
+                $all(self, mask)
+            }
+
+            #[inline(always)]
             fn numbers(stored: &$stored) -> [f64; MOST_LANES] {
                 let mut numbers = [0.0; MOST_LANES];
                 for (number, &of_lane) in numbers.iter_mut().zip(&stored.0) {
@@ -151,7 +156,8 @@ lanes!(
     abs_f64x4,
     cmp_lt_f64x4,
     cmp_le_f64x4,
-    select_f64x4
+    select_f64x4,
+    |simd: V3, mask: m64x4| simd.avx._mm256_movemask_pd(cast(mask)) == 0b1111
 );
 lanes!(
     V4,
@@ -173,7 +179,8 @@ lanes!(
     abs_f64x8,
     cmp_lt_f64x8,
     cmp_le_f64x8,
-    select_f64x8
+    select_f64x8,
+    |_, mask: b8| mask.0 == u8::MAX
 );
 lanes!(
     Single,
@@ -195,7 +202,8 @@ lanes!(
     abs_f32x8,
     cmp_lt_f32x8,
     cmp_le_f32x8,
-    select_f32x8
+    select_f32x8,
+    |_, mask: b8| mask.0 == u8::MAX
 );
 
 /// A register of AVX2 holds eight numbers of single precision, but four networks alternate in memory.
