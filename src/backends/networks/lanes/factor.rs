@@ -146,7 +146,7 @@ struct TileSums<S: Simd, const C: usize> {
 
 /// Takes numbers from the front of a list.
 #[inline(always)]
-fn take<'a>(list: &mut &'a [u32], count: usize) -> &'a [u32] {
+pub(super) fn take<'a>(list: &mut &'a [u32], count: usize) -> &'a [u32] {
     let (taken, rest) = list.split_at(count);
     *list = rest;
     taken
@@ -240,18 +240,23 @@ impl<S: Simd, O: OffDiagonal> Numbers<'_, S, O> {
         }
     }
 
-    /// Loads the sums of a row below a tile and adds the updates of the list; returns also its blocks.
+    /// Loads the sums of a row below the first `N` columns of a tile and adds the updates of the list; returns also its
+    /// blocks.
     #[inline(always)]
-    fn row<'o, const C: usize>(&self, list: &mut &'o [u32], start: Start) -> (&'o [u32], [Block<S>; C]) {
+    fn row<'o, const C: usize, const N: usize>(
+        &self,
+        list: &mut &'o [u32],
+        start: Start,
+    ) -> (&'o [u32], [Block<S>; N]) {
         let destination = take(list, 2 * C);
-        let mut sums: [Block<S>; C] = [[Lanes::splat(self.simd, 0.0); 9]; C];
-        for q in 0..C {
+        let mut sums: [Block<S>; N] = [[Lanes::splat(self.simd, 0.0); 9]; N];
+        for q in 0..N {
             sums[q] = self.start(start, destination[2 * q], destination[2 * q + 1]);
         }
         let updates = take(list, 1)[0] as usize;
         for now in take(list, updates * (C + 1)).chunks_exact(C + 1) {
             let a: Block<S> = load(self.simd, self.lower, now[C] as usize);
-            for q in 0..C {
+            for q in 0..N {
                 let b: Block<S> = load(self.simd, self.lower, now[q] as usize);
                 add_product(&mut sums[q], &a, &b);
             }
@@ -271,7 +276,7 @@ impl<S: Simd, O: OffDiagonal> Numbers<'_, S, O> {
                 self.keep(head, &sums);
             }
             for _ in 0..take(list, 1)[0] {
-                let (destination, sums) = self.row::<C>(list, start);
+                let (destination, sums) = self.row::<C, C>(list, start);
                 for q in 0..C {
                     self.store_block(destination[2 * q], &sums[q]);
                 }
@@ -287,10 +292,27 @@ impl<S: Simd, O: OffDiagonal> Numbers<'_, S, O> {
         let (head, mut sums) = self.tile::<C>(list, start);
         self.factor_column::<C, 0>(head, &mut sums, pivots);
         self.factor_column::<C, 1>(head, &mut sums, pivots);
-        for _ in 0..take(list, 1)[0] {
-            let (destination, mut sums) = self.row::<C>(list, start);
-            self.finish_row::<C, 0>(head, destination, &mut sums);
-            self.finish_row::<C, 1>(head, destination, &mut sums);
+        let rows = take(list, 1)[0];
+        if C > 1 && head.count == 1 {
+            self.factor_rows::<C, 1>(list, rows, head, start);
+        } else {
+            self.factor_rows::<C, C>(list, rows, head, start);
+        }
+    }
+
+    /// Factors the rows below the first `N` columns of a tile.
+    #[inline(always)]
+    fn factor_rows<const C: usize, const N: usize>(
+        &mut self,
+        list: &mut &[u32],
+        rows: u32,
+        head: Head<'_>,
+        start: Start,
+    ) {
+        for _ in 0..rows {
+            let (destination, mut sums) = self.row::<C, N>(list, start);
+            self.finish_row::<N, 0>(head, destination, &mut sums);
+            self.finish_row::<N, 1>(head, destination, &mut sums);
         }
     }
 
@@ -329,13 +351,13 @@ impl<S: Simd, O: OffDiagonal> Numbers<'_, S, O> {
     /// Divides a row by the column `Q` of its tile, which is read again because it would take the registers of the
     /// sums.
     #[inline(always)]
-    fn finish_row<const C: usize, const Q: usize>(
+    fn finish_row<const N: usize, const Q: usize>(
         &mut self,
         head: Head<'_>,
         destination: &[u32],
-        sums: &mut [Block<S>; C],
+        sums: &mut [Block<S>; N],
     ) {
-        if Q >= C || Q >= head.count {
+        if Q >= N || Q >= head.count {
             return;
         }
         for s in 0..Q {

@@ -4,7 +4,7 @@ use super::arrays::Arrays;
 use super::blocks::{
     Block, Node, Triangle, add_image, add_transposed_image, multiply_inverse, multiply_transposed_inverse, negated,
 };
-use super::factor::{inner, pairs_of};
+use super::factor::{inner, pairs_of, take};
 use super::network::Network;
 use super::simd::{Double, Kernel, Lanes, Simd, load, store};
 use crate::backends::networks::Schedule;
@@ -44,60 +44,86 @@ impl<S: Simd, const C: usize> Kernel<S> for SolveBoth<'_, S, C> {
     }
 }
 
+/// The operations of a tile of a substitution.
+struct TileOps<'a> {
+    first: usize,
+    count: usize,
+    /// The blocks of the pairs of columns.
+    within: &'a [u32],
+    /// For each update, the node and the blocks of the columns.
+    updates: &'a [u32],
+}
+
+/// Takes the operations of a tile of up to `C` columns from the front of a list.
+#[inline(always)]
+fn take_tile<'a, const C: usize>(list: &mut &'a [u32]) -> TileOps<'a> {
+    let header = take(list, 2);
+    let within = take(list, pairs_of(C));
+    let updates = take(list, 1)[0] as usize;
+    TileOps { first: header[0] as usize, count: header[1] as usize, within, updates: take(list, updates * (1 + C)) }
+}
+
 /// Solves `L y = b` for `N` right-hand sides of three numbers a node, in place, `G` of them at a time.
 #[inline(always)]
 pub(super) fn forward<S: Simd, const C: usize, const N: usize, const G: usize>(
     simd: S,
     schedule: &Schedule,
-    (diagonal, lower): (&[S::Stored], &[S::Stored]),
+    factor: (&[S::Stored], &[S::Stored]),
     values: &mut [S::Stored],
 ) {
-    let zero = Lanes::splat(simd, 0.0);
-    let mut op = &schedule.forward[..];
+    let mut list = &schedule.forward[..];
     for _ in 0..schedule.tiles {
-        let (first, count) = (op[0] as usize, op[1] as usize);
-        let within = &op[2..2 + pairs_of(C)];
-        let (updates, rest) = (op[2 + pairs_of(C)] as usize, &op[3 + pairs_of(C)..]);
-        let (updates, rest) = rest.split_at(updates * (1 + C));
-        op = rest;
+        let tile = take_tile::<C>(&mut list);
         for c in (0..N).step_by(G) {
-            let mut sums: [[Node<S>; G]; C] = [[[zero; 3]; G]; C];
-            for q in 0..C {
-                for g in 0..G {
-                    let node = if q < count { first + q } else { first };
-                    sums[q][g] = negated(load(simd, values, N * node + c + g));
-                }
+            if C > 1 && tile.count == 1 {
+                forward_tile::<S, C, 1, N, G>(simd, &tile, factor, values, c);
+            } else {
+                forward_tile::<S, C, C, N, G>(simd, &tile, factor, values, c);
             }
-            for now in updates.chunks_exact(1 + C) {
-                let mut known: [Node<S>; G] = [[zero; 3]; G];
-                for g in 0..G {
-                    known[g] = load(simd, values, N * now[0] as usize + c + g);
-                }
-                for q in 0..C {
-                    let b: Block<S> = load(simd, lower, now[1 + q] as usize);
-                    for g in 0..G {
-                        add_image(&mut sums[q][g], &b, &known[g]);
-                    }
-                }
+        }
+    }
+}
+
+/// Solves for the right-hand sides from `c` on in the first `M` columns of a tile.
+#[inline(always)]
+fn forward_tile<S: Simd, const C: usize, const M: usize, const N: usize, const G: usize>(
+    simd: S,
+    tile: &TileOps<'_>,
+    (diagonal, lower): (&[S::Stored], &[S::Stored]),
+    values: &mut [S::Stored],
+    c: usize,
+) {
+    let &TileOps { first, count, within, updates } = tile;
+    let zero = Lanes::splat(simd, 0.0);
+    let mut sums = start::<S, M, N, G>(simd, tile, values, c);
+    for now in updates.chunks_exact(1 + C) {
+        let mut known: [Node<S>; G] = [[zero; 3]; G];
+        for g in 0..G {
+            known[g] = load(simd, values, N * now[0] as usize + c + g);
+        }
+        for q in 0..M {
+            let b: Block<S> = load(simd, lower, now[1 + q] as usize);
+            for g in 0..G {
+                add_image(&mut sums[q][g], &b, &known[g]);
             }
-            for q in 0..C {
-                if q >= count {
-                    continue;
-                }
-                for s in 0..q {
-                    let b: Block<S> = load(simd, lower, within[inner(q, s)] as usize);
-                    let before = sums[s];
-                    for g in 0..G {
-                        add_image(&mut sums[q][g], &b, &before[g]);
-                    }
-                }
-                // The signs of the sums are changed.
-                let inverse: Triangle<S> = negated(load(simd, diagonal, first + q));
-                for g in 0..G {
-                    multiply_inverse(&inverse, &mut sums[q][g]);
-                    store(&sums[q][g], values, N * (first + q) + c + g);
-                }
+        }
+    }
+    for q in 0..M {
+        if q >= count {
+            continue;
+        }
+        for s in 0..q {
+            let b: Block<S> = load(simd, lower, within[inner(q, s)] as usize);
+            let before = sums[s];
+            for g in 0..G {
+                add_image(&mut sums[q][g], &b, &before[g]);
             }
+        }
+        // The signs of the sums are changed.
+        let inverse: Triangle<S> = negated(load(simd, diagonal, first + q));
+        for g in 0..G {
+            multiply_inverse(&inverse, &mut sums[q][g]);
+            store(&sums[q][g], values, N * (first + q) + c + g);
         }
     }
 }
@@ -107,57 +133,82 @@ pub(super) fn forward<S: Simd, const C: usize, const N: usize, const G: usize>(
 pub(super) fn backward<S: Simd, const C: usize, const N: usize, const G: usize>(
     simd: S,
     schedule: &Schedule,
-    (diagonal, lower): (&[S::Stored], &[S::Stored]),
+    factor: (&[S::Stored], &[S::Stored]),
     values: &mut [S::Stored],
 ) {
-    let zero = Lanes::splat(simd, 0.0);
-    let mut op = &schedule.backward[..];
+    let mut list = &schedule.backward[..];
     for _ in 0..schedule.tiles {
-        let (first, count) = (op[0] as usize, op[1] as usize);
-        let within = &op[2..2 + pairs_of(C)];
-        let (updates, rest) = (op[2 + pairs_of(C)] as usize, &op[3 + pairs_of(C)..]);
-        let (updates, rest) = rest.split_at(updates * (1 + C));
-        op = rest;
+        let tile = take_tile::<C>(&mut list);
         for c in (0..N).step_by(G) {
-            let mut sums: [[Node<S>; G]; C] = [[[zero; 3]; G]; C];
-            for q in 0..C {
-                for g in 0..G {
-                    let node = if q < count { first + q } else { first };
-                    sums[q][g] = negated(load(simd, values, N * node + c + g));
-                }
-            }
-            for now in updates.chunks_exact(1 + C) {
-                let mut known: [Node<S>; G] = [[zero; 3]; G];
-                for g in 0..G {
-                    known[g] = load(simd, values, N * now[0] as usize + c + g);
-                }
-                for q in 0..C {
-                    let b: Block<S> = load(simd, lower, now[1 + q] as usize);
-                    for g in 0..G {
-                        add_transposed_image(&mut sums[q][g], &b, &known[g]);
-                    }
-                }
-            }
-            for q in (0..C).rev() {
-                if q >= count {
-                    continue;
-                }
-                for p in (q + 1..C).rev() {
-                    if p < count {
-                        let b: Block<S> = load(simd, lower, within[inner(p, q)] as usize);
-                        let after = sums[p];
-                        for g in 0..G {
-                            add_transposed_image(&mut sums[q][g], &b, &after[g]);
-                        }
-                    }
-                }
-                // The signs of the sums are changed.
-                let inverse: Triangle<S> = negated(load(simd, diagonal, first + q));
-                for g in 0..G {
-                    multiply_transposed_inverse(&inverse, &mut sums[q][g]);
-                    store(&sums[q][g], values, N * (first + q) + c + g);
-                }
+            if C > 1 && tile.count == 1 {
+                backward_tile::<S, C, 1, N, G>(simd, &tile, factor, values, c);
+            } else {
+                backward_tile::<S, C, C, N, G>(simd, &tile, factor, values, c);
             }
         }
     }
+}
+
+/// Solves with the transpose for the right-hand sides from `c` on in the first `M` columns of a tile.
+#[inline(always)]
+fn backward_tile<S: Simd, const C: usize, const M: usize, const N: usize, const G: usize>(
+    simd: S,
+    tile: &TileOps<'_>,
+    (diagonal, lower): (&[S::Stored], &[S::Stored]),
+    values: &mut [S::Stored],
+    c: usize,
+) {
+    let &TileOps { first, count, within, updates } = tile;
+    let zero = Lanes::splat(simd, 0.0);
+    let mut sums = start::<S, M, N, G>(simd, tile, values, c);
+    for now in updates.chunks_exact(1 + C) {
+        let mut known: [Node<S>; G] = [[zero; 3]; G];
+        for g in 0..G {
+            known[g] = load(simd, values, N * now[0] as usize + c + g);
+        }
+        for q in 0..M {
+            let b: Block<S> = load(simd, lower, now[1 + q] as usize);
+            for g in 0..G {
+                add_transposed_image(&mut sums[q][g], &b, &known[g]);
+            }
+        }
+    }
+    for q in (0..M).rev() {
+        if q >= count {
+            continue;
+        }
+        for p in (q + 1..M).rev() {
+            if p < count {
+                let b: Block<S> = load(simd, lower, within[inner(p, q)] as usize);
+                let after = sums[p];
+                for g in 0..G {
+                    add_transposed_image(&mut sums[q][g], &b, &after[g]);
+                }
+            }
+        }
+        // The signs of the sums are changed.
+        let inverse: Triangle<S> = negated(load(simd, diagonal, first + q));
+        for g in 0..G {
+            multiply_transposed_inverse(&inverse, &mut sums[q][g]);
+            store(&sums[q][g], values, N * (first + q) + c + g);
+        }
+    }
+}
+
+/// Returns the negatives of the right-hand sides from `c` on in the first `M` columns of a tile.
+#[inline(always)]
+fn start<S: Simd, const M: usize, const N: usize, const G: usize>(
+    simd: S,
+    &TileOps { first, count, .. }: &TileOps<'_>,
+    values: &[S::Stored],
+    c: usize,
+) -> [[Node<S>; G]; M] {
+    let mut sums = [[[Lanes::splat(simd, 0.0); 3]; G]; M];
+    for q in 0..M {
+        for g in 0..G {
+            let node = if q < count { first + q } else { first };
+            sums[q][g] = negated(load(simd, values, N * node + c + g));
+        }
+    }
+    sums
 }
