@@ -240,8 +240,8 @@ fn networks_of_any_shape_fit_a_batch() {
     }
 }
 
-/// Returns a network whose nodes on the boundary have several fibers, some of them parallel, or fibers to others on the
-/// boundary.
+/// Returns a network some of whose boundary nodes have several fibers, parallel ones too, or fibers to other boundary
+/// nodes.
 fn tangled() -> Network {
     let plain = delaunay(20, 7).unwrap();
     let is_boundary = |node: u32| plain.boundary().contains(&node);
@@ -264,7 +264,7 @@ fn fibers_between_any_nodes_fit_a_batch() {
         let model = RveModel::new(&(), Arc::new(tangled()), Some(material), StressScale::Raw).unwrap();
         let mut random = Random::new(3);
         let increments = [gradients(9, 0.03, &mut random), gradients(9, 0.05, &mut random)];
-        compare(&model, true, &increments);
+        assert!(compare(&model, true, &increments) < 9, "most are solved by the batch");
     }
 }
 

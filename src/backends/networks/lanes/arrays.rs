@@ -19,7 +19,7 @@ pub(super) struct Arrays<'a, S: Double> {
     /// interior nodes is the negative of their block.
     pub connections: &'a mut [S::Stored],
     /// Two of each end fiber, [`EndStiffness`](super::forces::EndStiffness), at the end of a solution.
-    pub ends: &'a mut [S::Stored],
+    pub end_stiffness: &'a mut [S::Stored],
     /// Six of each interior node: the diagonal block of the stiffness.
     pub stiffness: &'a mut [S::Stored],
     /// Six of each interior node: the inverse of the diagonal block of the factor.
@@ -115,13 +115,13 @@ pub(super) fn with_arrays<S: Double, R>(
             rest = others;
             taken
         };
-        let [positions, forces, connections, ends, stiffness, diagonal, lower, direction, modes, loads] =
+        let [positions, forces, connections, end_stiffness, stiffness, diagonal, lower, direction, modes, loads] =
             lengths.map(&mut take);
         action(&mut Arrays {
             positions,
             forces,
             connections,
-            ends,
+            end_stiffness,
             stiffness,
             diagonal,
             lower,

@@ -175,22 +175,26 @@ impl<S: Simd, O: OffDiagonal> Numbers<'_, S, O> {
         let mut sums = TileSums { d: [[zero; 6]; C], y: [[zero; 3]; C], low: [[zero; 9]; MOST_PAIRS] };
         let updates = take(list, 1)[0] as usize;
         let updates = take(list, updates * (1 + C));
-        self.tile_column::<C, 0>(&mut sums, head, updates, start);
-        self.tile_column::<C, 1>(&mut sums, head, updates, start);
+        if C > 1 && head.count == 1 {
+            self.tile_column::<C, 1, 0>(&mut sums, head, updates, start);
+        } else {
+            self.tile_column::<C, C, 0>(&mut sums, head, updates, start);
+            self.tile_column::<C, C, 1>(&mut sums, head, updates, start);
+        }
         (head, sums)
     }
 
-    /// Loads the sums of the column `Q` of a tile and adds the updates. Those of all columns would not fit into the
-    /// registers.
+    /// Loads the sums of the column `Q` of a tile in the rows of its first `M` columns, and adds the updates. Those of all
+    /// columns would not fit into the registers.
     #[inline(always)]
-    fn tile_column<const C: usize, const Q: usize>(
+    fn tile_column<const C: usize, const M: usize, const Q: usize>(
         &self,
         sums: &mut TileSums<S, C>,
         head: Head<'_>,
         updates: &[u32],
         start: Start,
     ) {
-        if Q >= C || Q >= head.count {
+        if Q >= M || Q >= head.count {
             return;
         }
         let (simd, node) = (self.simd, head.first + Q);
@@ -199,7 +203,7 @@ impl<S: Simd, O: OffDiagonal> Numbers<'_, S, O> {
             Start::Matrix => (negated(load(simd, self.matrix_diagonal, node)), negated(load(simd, self.right, node))),
         };
         let mut low = [[Lanes::splat(simd, 0.0); 9]; MOST_PAIRS];
-        for p in Q + 1..C {
+        for p in Q + 1..M {
             let pair = inner(p, Q);
             low[pair] = self.start(start, head.within[2 * pair], head.within[2 * pair + 1]);
         }
@@ -208,13 +212,13 @@ impl<S: Simd, O: OffDiagonal> Numbers<'_, S, O> {
             let b: Block<S> = load(simd, self.lower, now[1 + Q] as usize);
             add_square(&mut d, &b);
             add_image(&mut y, &b, &before);
-            for p in Q + 1..C {
+            for p in Q + 1..M {
                 let below: Block<S> = load(simd, self.lower, now[1 + p] as usize);
                 add_product(&mut low[inner(p, Q)], &below, &b);
             }
         }
         (sums.d[Q], sums.y[Q]) = (d, y);
-        for p in Q + 1..C {
+        for p in Q + 1..M {
             sums.low[inner(p, Q)] = low[inner(p, Q)];
         }
     }
@@ -240,23 +244,23 @@ impl<S: Simd, O: OffDiagonal> Numbers<'_, S, O> {
         }
     }
 
-    /// Loads the sums of a row below the first `N` columns of a tile and adds the updates of the list; returns also its
+    /// Loads the sums of a row below the first `M` columns of a tile and adds the updates of the list; returns also its
     /// blocks.
     #[inline(always)]
-    fn row<'o, const C: usize, const N: usize>(
+    fn row<'o, const C: usize, const M: usize>(
         &self,
         list: &mut &'o [u32],
         start: Start,
-    ) -> (&'o [u32], [Block<S>; N]) {
+    ) -> (&'o [u32], [Block<S>; M]) {
         let destination = take(list, 2 * C);
-        let mut sums: [Block<S>; N] = [[Lanes::splat(self.simd, 0.0); 9]; N];
-        for q in 0..N {
+        let mut sums: [Block<S>; M] = [[Lanes::splat(self.simd, 0.0); 9]; M];
+        for q in 0..M {
             sums[q] = self.start(start, destination[2 * q], destination[2 * q + 1]);
         }
         let updates = take(list, 1)[0] as usize;
         for now in take(list, updates * (C + 1)).chunks_exact(C + 1) {
             let a: Block<S> = load(self.simd, self.lower, now[C] as usize);
-            for q in 0..N {
+            for q in 0..M {
                 let b: Block<S> = load(self.simd, self.lower, now[q] as usize);
                 add_product(&mut sums[q], &a, &b);
             }
@@ -300,9 +304,9 @@ impl<S: Simd, O: OffDiagonal> Numbers<'_, S, O> {
         }
     }
 
-    /// Factors the rows below the first `N` columns of a tile.
+    /// Factors the rows below the first `M` columns of a tile.
     #[inline(always)]
-    fn factor_rows<const C: usize, const N: usize>(
+    fn factor_rows<const C: usize, const M: usize>(
         &mut self,
         list: &mut &[u32],
         rows: u32,
@@ -310,9 +314,9 @@ impl<S: Simd, O: OffDiagonal> Numbers<'_, S, O> {
         start: Start,
     ) {
         for _ in 0..rows {
-            let (destination, mut sums) = self.row::<C, N>(list, start);
-            self.finish_row::<N, 0>(head, destination, &mut sums);
-            self.finish_row::<N, 1>(head, destination, &mut sums);
+            let (destination, mut sums) = self.row::<C, M>(list, start);
+            self.finish_row::<M, 0>(head, destination, &mut sums);
+            self.finish_row::<M, 1>(head, destination, &mut sums);
         }
     }
 
@@ -351,13 +355,13 @@ impl<S: Simd, O: OffDiagonal> Numbers<'_, S, O> {
     /// Divides a row by the column `Q` of its tile, which is read again because it would take the registers of the
     /// sums.
     #[inline(always)]
-    fn finish_row<const N: usize, const Q: usize>(
+    fn finish_row<const M: usize, const Q: usize>(
         &mut self,
         head: Head<'_>,
         destination: &[u32],
-        sums: &mut [Block<S>; N],
+        sums: &mut [Block<S>; M],
     ) {
-        if Q >= N || Q >= head.count {
+        if Q >= M || Q >= head.count {
             return;
         }
         for s in 0..Q {

@@ -15,7 +15,7 @@ pub(super) struct Forces<S: Double> {
     pub largest: Lanes<S>,
 }
 
-/// Computes the forces of all nodes and the stiffness; copies the forces of interior nodes to `direction`.
+/// Computes the forces of the nodes and the stiffness, without those of the nodes of end fibers on the boundary; copies the forces of interior nodes to `direction`.
 pub(super) struct Evaluate<'a, 'b, S: Double> {
     pub network: &'a Network,
     pub arrays: &'a mut Arrays<'b, S>,
@@ -99,7 +99,7 @@ impl<S: Double> State<S> {
         }
     }
 
-    /// The force that the first end exerts on the second, as the derivative of the energy.
+    /// The derivative of the energy by the position of the second end.
     #[inline(always)]
     fn pull(&self) -> [Lanes<S>; 3] {
         [self.force * self.n[0], self.force * self.n[1], self.force * self.n[2]]
@@ -192,7 +192,7 @@ impl<S: Double> Kernel<S> for Evaluate<'_, '_, S> {
 }
 
 /// The stiffness of a fiber, whose block is `geometric I + material d d^T`, with the vector `d` from the first end to the
-/// second. The force on the second end is `geometric d`.
+/// second. The derivative of the energy by the position of the second end is `geometric d`.
 pub(super) struct EndStiffness<S: Double> {
     pub geometric: Lanes<S>,
     pub material: Lanes<S>,
@@ -201,8 +201,8 @@ pub(super) struct EndStiffness<S: Double> {
 impl<S: Double> EndStiffness<S> {
     /// Loads the stiffness of an end fiber, which [`EvaluateEnds`] computed.
     #[inline(always)]
-    pub fn load(simd: S, ends: &[S::Stored], number: usize) -> Self {
-        let [geometric, material] = load(simd, ends, number);
+    pub fn load(simd: S, end_stiffness: &[S::Stored], number: usize) -> Self {
+        let [geometric, material] = load(simd, end_stiffness, number);
         Self { geometric, material }
     }
 
@@ -230,7 +230,7 @@ impl<S: Double> Kernel<S> for EvaluateEnds<'_, '_, S> {
 
     #[inline(always)]
     fn run(self, simd: S) {
-        let Self { network, arrays: Arrays { positions, ends, .. } } = self;
+        let Self { network, arrays: Arrays { positions, end_stiffness, .. } } = self;
         let fibers = network.end_fibers();
         let mut next = fibers.first().map(|fiber| Geometry::new(simd, positions, fiber));
         for (number, fiber) in fibers.iter().enumerate() {
@@ -238,7 +238,7 @@ impl<S: Double> Kernel<S> for EvaluateEnds<'_, '_, S> {
             next = fibers.get(number + 1).map(|fiber| Geometry::new(simd, positions, fiber));
             let State { geometric, material, .. } = State::new(network, fiber, &geometry);
             let material = material * geometry.inverse * geometry.inverse;
-            store(&[geometric, material], ends, number);
+            store(&[geometric, material], end_stiffness, number);
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Fiber laws in lanes. The formulas are those of `fiber::law`, without branches that depend on a lane; the energy of the
+//! Fiber laws in lanes. The formulas are those of `fiber::law`, without branches that depend on a lane, except for shortcuts that change no bit; the energy of the
 //! exponential law is a [series](EnergySeries) where this serves.
 
 use super::energy_series::EnergySeries;

@@ -36,7 +36,7 @@ pub(super) struct Network {
     pub stiffness: f64,
     /// The fibers, in the order of their connections. The last ones are the [end fibers](Network::end_fibers).
     pub fibers: Vec<Fiber>,
-    /// By interior node, and one more: the first of its end fibers among these.
+    /// By interior node, the index in `end_fibers` of its first one; the last entry is their number.
     pub first_end_fibers: Vec<u32>,
     pub laws: Vec<Law>,
     /// Reference positions of the boundary nodes; those of the end fibers come last, in the order of these.
@@ -100,8 +100,7 @@ impl Network {
         self.first_end_fibers.last().map_or(0, |&count| count as usize)
     }
 
-    /// The fibers that are alone at a node on the boundary, and have the other one in the interior; in the order of these,
-    /// and of the last nodes.
+    /// Fibers from an interior node to a boundary node without another fiber, sorted by both nodes.
     pub fn end_fibers(&self) -> &[Fiber] {
         &self.fibers[self.fibers.len() - self.end_fiber_count()..]
     }
@@ -116,7 +115,7 @@ impl Network {
         &self.fibers[..self.fibers.len() - self.end_fiber_count()]
     }
 
-    /// The first node of an end fiber: those before it are in the interior, or have other fibers.
+    /// The first boundary node at an end fiber; the number of nodes if there is none.
     pub fn first_end_node(&self) -> usize {
         self.nodes - self.end_fiber_count()
     }
@@ -146,10 +145,10 @@ impl Numbering {
         end_fibers.iter().for_each(|&number| is_of_end[sorted[number][1] as usize] = true);
         let others = (interior..fibers_at.len() as u32).filter(|&node| !is_of_end[node as usize]);
         let boundary: Vec<u32> = others.chain(end_fibers.iter().map(|&number| sorted[number][1])).collect();
-        let mut number: Vec<u32> = (0..fibers_at.len() as u32).collect();
-        (interior..).zip(&boundary).for_each(|(place, &node)| number[node as usize] = place);
+        let mut new_number: Vec<u32> = (0..fibers_at.len() as u32).collect();
+        (interior..).zip(&boundary).for_each(|(place, &node)| new_number[node as usize] = place);
         let renumbered = |ends: &[u32; 2]| {
-            let [a, b] = ends.map(|node| number[node as usize]);
+            let [a, b] = ends.map(|node| new_number[node as usize]);
             [a.min(b), a.max(b)]
         };
         Self {

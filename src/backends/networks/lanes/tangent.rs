@@ -49,9 +49,9 @@ impl<S: Double, const C: usize> Kernel<S> for SolveModes<'_, '_, S, C> {
     #[inline(always)]
     fn run(self, simd: S) {
         let Self { network, arrays } = self;
-        let Arrays { positions, connections, ends, diagonal, lower, modes, .. } = arrays;
+        let Arrays { positions, connections, end_stiffness, diagonal, lower, modes, .. } = arrays;
         for node in 0..network.interior {
-            let loads = loads_of_end_fibers(simd, network, positions, ends, node);
+            let loads = loads_of_end_fibers(simd, network, positions, end_stiffness, node);
             for mode in 0..MODES {
                 store(&loads[mode], modes, MODES * node + mode);
             }
@@ -83,37 +83,37 @@ impl<S: Double, const C: usize> Kernel<S> for SolveModes<'_, '_, S, C> {
     }
 }
 
-/// Returns the forces of the six strains at an interior node by its end fibers, with the signs changed: the sums of
-/// `geometric E d + material d (d^T E d)` over its end fibers with the vectors `d`, for each strain `E`.
+/// Returns the forces at an interior node when its end fibers follow each of the six strains: minus the sums of
+/// `geometric E d + material d (d^T E d)` over these fibers with the vectors `d`, for the strain `E`.
 #[inline(always)]
 fn loads_of_end_fibers<S: Double>(
     simd: S,
     network: &Network,
     positions: &[S::Stored],
-    ends: &[S::Stored],
+    end_stiffness: &[S::Stored],
     node: usize,
 ) -> [Node<S>; MODES] {
     let zero = Lanes::splat(simd, 0.0);
-    let (mut first, mut third) = ([zero; 3], [[zero; 3]; MODES]);
+    let (mut across, mut along) = ([zero; 3], [[zero; 3]; MODES]);
     for number in network.end_fibers_of(node) {
         let d = vector(simd, positions, network.end_fibers()[number].ends);
-        let EndStiffness { geometric, material } = EndStiffness::load(simd, ends, number);
+        let EndStiffness { geometric, material } = EndStiffness::load(simd, end_stiffness, number);
         let twice = [2.0 * d[0], 2.0 * d[1]];
         // Half the change of the squared length by each unit strain.
         let changes = [d[0] * d[0], d[1] * d[1], d[2] * d[2], twice[1] * d[2], twice[0] * d[2], twice[0] * d[1]];
         for p in 0..3 {
-            first[p].subtract_product(geometric, d[p]);
-            let along = material * d[p];
+            across[p].subtract_product(geometric, d[p]);
+            let force = material * d[p];
             for mode in 0..MODES {
-                third[mode][p].subtract_product(along, changes[mode]);
+                along[mode][p].subtract_product(force, changes[mode]);
             }
         }
     }
     let mut loads = [[zero; 3]; MODES];
     for mode in 0..MODES {
-        let across = strain(mode, &first);
+        let strained = strain(mode, &across);
         for p in 0..3 {
-            loads[mode][p] = across[p] + third[mode][p];
+            loads[mode][p] = strained[p] + along[mode][p];
         }
     }
     loads
@@ -123,8 +123,8 @@ fn loads_of_end_fibers<S: Double>(
 pub(super) struct Products<S: Double> {
     /// Those of the positions for six strains and three rotations (rows) with those of the forces for six strains.
     pub form: [[Lanes<S>; MODES]; MODES + 3],
-    /// Norm of the force sensitivities at interior nodes over that at interior nodes and at the ends of connections on
-    /// the boundary.
+    /// Norm of the force sensitivities at interior nodes over that at interior nodes and at the ends of connections
+    /// and end fibers on the boundary.
     pub imbalance: Lanes<S>,
 }
 
@@ -181,7 +181,7 @@ impl<S: Double> Kernel<S> for ComputeProducts<'_, '_, S> {
     }
 }
 
-/// The sums over the ends of connections on the boundary.
+/// The sums over the ends of connections and end fibers on the boundary.
 struct OfBoundary<S: Double> {
     /// Position times force sensitivity of each mode, row by row.
     moments: [Block<S>; MODES],
@@ -207,7 +207,7 @@ impl<S: Double> OfBoundary<S> {
         }
     }
 
-    /// Adds the connections of this network, and adds their force sensitivities to `loads` of interior nodes.
+    /// Adds the connections of the network, and adds their force sensitivities to `loads` of interior nodes.
     #[inline(always)]
     fn add_connections(&mut self, simd: S, network: &Network, arrays: &mut Arrays<'_, S>) {
         let Arrays { positions, connections, modes, loads, .. } = arrays;
@@ -251,10 +251,10 @@ impl<S: Double> OfBoundary<S> {
     /// Adds the end fibers, and adds their force sensitivities to `loads` of interior nodes.
     #[inline(always)]
     fn add_end_fibers(&mut self, simd: S, network: &Network, arrays: &mut Arrays<'_, S>) {
-        let Arrays { positions, ends, modes, loads, .. } = arrays;
+        let Arrays { positions, end_stiffness, modes, loads, .. } = arrays;
         for (number, fiber) in network.end_fibers().iter().enumerate() {
             let d = vector(simd, positions, fiber.ends);
-            let stiffness = EndStiffness::load(simd, ends, number);
+            let stiffness = EndStiffness::load(simd, end_stiffness, number);
             let [a, b] = fiber.ends.map(|node| node as usize);
             let x: Node<S> = load(simd, positions, b);
             for mode in 0..MODES {
@@ -314,7 +314,7 @@ impl<S: Double> Kernel<S> for Stress<'_, '_, S> {
                 None => load(simd, arrays.forces, node),
                 Some(number) => {
                     let d = vector(simd, arrays.positions, network.end_fibers()[number].ends);
-                    let EndStiffness { geometric, .. } = EndStiffness::load(simd, arrays.ends, number);
+                    let EndStiffness { geometric, .. } = EndStiffness::load(simd, arrays.end_stiffness, number);
                     [geometric * d[0], geometric * d[1], geometric * d[2]]
                 }
             };

@@ -95,7 +95,7 @@ fn forward_tile<S: Simd, const C: usize, const M: usize, const N: usize, const G
 ) {
     let &TileOps { first, count, within, updates } = tile;
     let zero = Lanes::splat(simd, 0.0);
-    let mut sums = start::<S, M, N, G>(simd, tile, values, c);
+    let mut sums = negated_right_sides::<S, M, N, G>(simd, tile, values, c);
     for now in updates.chunks_exact(1 + C) {
         let mut known: [Node<S>; G] = [[zero; 3]; G];
         for g in 0..G {
@@ -160,7 +160,7 @@ fn backward_tile<S: Simd, const C: usize, const M: usize, const N: usize, const 
 ) {
     let &TileOps { first, count, within, updates } = tile;
     let zero = Lanes::splat(simd, 0.0);
-    let mut sums = start::<S, M, N, G>(simd, tile, values, c);
+    let mut sums = negated_right_sides::<S, M, N, G>(simd, tile, values, c);
     for now in updates.chunks_exact(1 + C) {
         let mut known: [Node<S>; G] = [[zero; 3]; G];
         for g in 0..G {
@@ -197,7 +197,7 @@ fn backward_tile<S: Simd, const C: usize, const M: usize, const N: usize, const 
 
 /// Returns the negatives of the right-hand sides from `c` on in the first `M` columns of a tile.
 #[inline(always)]
-fn start<S: Simd, const M: usize, const N: usize, const G: usize>(
+fn negated_right_sides<S: Simd, const M: usize, const N: usize, const G: usize>(
     simd: S,
     &TileOps { first, count, .. }: &TileOps<'_>,
     values: &[S::Stored],
