@@ -93,21 +93,8 @@ fn forward_tile<S: Simd, const C: usize, const M: usize, const N: usize, const G
     values: &mut [S::Stored],
     c: usize,
 ) {
-    let &TileOps { first, count, within, updates } = tile;
-    let zero = Lanes::splat(simd, 0.0);
-    let mut sums = negated_right_sides::<S, M, N, G>(simd, tile, values, c);
-    for now in updates.chunks_exact(1 + C) {
-        let mut known: [Node<S>; G] = [[zero; 3]; G];
-        for g in 0..G {
-            known[g] = load(simd, values, N * now[0] as usize + c + g);
-        }
-        for q in 0..M {
-            let b: Block<S> = load(simd, lower, now[1 + q] as usize);
-            for g in 0..G {
-                add_image(&mut sums[q][g], &b, &known[g]);
-            }
-        }
-    }
+    let &TileOps { first, count, within, .. } = tile;
+    let mut sums = updated::<S, C, M, N, G, false>(simd, tile, lower, values, c);
     for q in 0..M {
         if q >= count {
             continue;
@@ -158,21 +145,8 @@ fn backward_tile<S: Simd, const C: usize, const M: usize, const N: usize, const 
     values: &mut [S::Stored],
     c: usize,
 ) {
-    let &TileOps { first, count, within, updates } = tile;
-    let zero = Lanes::splat(simd, 0.0);
-    let mut sums = negated_right_sides::<S, M, N, G>(simd, tile, values, c);
-    for now in updates.chunks_exact(1 + C) {
-        let mut known: [Node<S>; G] = [[zero; 3]; G];
-        for g in 0..G {
-            known[g] = load(simd, values, N * now[0] as usize + c + g);
-        }
-        for q in 0..M {
-            let b: Block<S> = load(simd, lower, now[1 + q] as usize);
-            for g in 0..G {
-                add_transposed_image(&mut sums[q][g], &b, &known[g]);
-            }
-        }
-    }
+    let &TileOps { first, count, within, .. } = tile;
+    let mut sums = updated::<S, C, M, N, G, true>(simd, tile, lower, values, c);
     for q in (0..M).rev() {
         if q >= count {
             continue;
@@ -195,19 +169,38 @@ fn backward_tile<S: Simd, const C: usize, const M: usize, const N: usize, const 
     }
 }
 
-/// Returns the negatives of the right-hand sides from `c` on in the first `M` columns of a tile.
+/// Returns the negatives of the right-hand sides from `c` on in the first `M` columns of a tile, after the updates by the
+/// blocks or, if `TRANSPOSED`, by their transposes.
 #[inline(always)]
-fn negated_right_sides<S: Simd, const M: usize, const N: usize, const G: usize>(
+fn updated<S: Simd, const C: usize, const M: usize, const N: usize, const G: usize, const TRANSPOSED: bool>(
     simd: S,
-    &TileOps { first, count, .. }: &TileOps<'_>,
+    &TileOps { first, count, updates, .. }: &TileOps<'_>,
+    lower: &[S::Stored],
     values: &[S::Stored],
     c: usize,
 ) -> [[Node<S>; G]; M] {
-    let mut sums = [[[Lanes::splat(simd, 0.0); 3]; G]; M];
+    let zero = Lanes::splat(simd, 0.0);
+    let mut sums = [[[zero; 3]; G]; M];
     for q in 0..M {
         for g in 0..G {
             let node = if q < count { first + q } else { first };
             sums[q][g] = negated(load(simd, values, N * node + c + g));
+        }
+    }
+    for now in updates.chunks_exact(1 + C) {
+        let mut known: [Node<S>; G] = [[zero; 3]; G];
+        for g in 0..G {
+            known[g] = load(simd, values, N * now[0] as usize + c + g);
+        }
+        for q in 0..M {
+            let b: Block<S> = load(simd, lower, now[1 + q] as usize);
+            for g in 0..G {
+                if TRANSPOSED {
+                    add_transposed_image(&mut sums[q][g], &b, &known[g]);
+                } else {
+                    add_image(&mut sums[q][g], &b, &known[g]);
+                }
+            }
         }
     }
     sums
