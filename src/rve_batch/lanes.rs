@@ -65,14 +65,6 @@ impl LaneBatch {
         self
     }
 
-    /// Like [`LaneBatch::with_single_precision`], with factors that serve several steps also for small networks.
-    #[cfg(all(test, feature = "generate"))]
-    pub(super) fn with_chords(mut self) -> Self {
-        self.lanes.use_single_precision();
-        self.lanes.use_chords();
-        self
-    }
-
     /// The RVEs of a body from which it pays to solve them in lanes, even if they are divided among a few ranks.
     pub const LEAST_RVES: usize = 16;
 

@@ -126,13 +126,14 @@ impl OfModel {
     fn params(&self, params: &EquilibriumParams) -> Option<BatchParams> {
         /// A network that needs more is left: others of its group may wait for it.
         const MOST_ITERATIONS: usize = 30;
-        let newton = params.newton;
+        let newton = params.newton_for(3 * self.interior);
         let is_plain = newton.step_tolerance.is_none() && newton.energy_tolerance.is_none();
         let is_possible = params.stages.has(Stage::Newton) && is_plain && (1..=8).contains(&newton.nonmonotone_memory);
         is_possible.then_some(BatchParams {
             tolerance: newton.tolerance,
             floor: self.floor,
             max_iterations: newton.max_iterations.min(MOST_ITERATIONS) as u32,
+            chord_steps: newton.chord_steps.min(MOST_ITERATIONS) as u32,
             max_backtracks: newton.max_backtracks,
             sufficient_decrease: newton.sufficient_decrease,
             memory: newton.nonmonotone_memory as u32,

@@ -104,6 +104,10 @@ pub struct EquilibriumParams {
     /// Parameters of Newton for one increment. Its tolerance, relative to the forces of all nodes, applies to every
     /// stage.
     pub newton: NewtonParams,
+    /// The most further steps that an iteration of Newton takes with its factorization; it replaces
+    /// [`NewtonParams::chord_steps`]. Default `None`: 2 for networks of at least 256 unknowns, where factorizations take
+    /// most of the time, none for smaller ones.
+    pub chord_steps: Option<usize>,
     /// Maximum number of times that an increment is halved. Default 6.
     pub max_cuts: u32,
     /// Parameters of regularized Newton.
@@ -132,6 +136,15 @@ impl Default for RelaxationSwitch {
 }
 
 impl EquilibriumParams {
+    /// Returns the parameters of Newton for a network of this number of unknowns. They must not depend on anything else,
+    /// so that an RVE has the same iterates alone and beside others.
+    pub(crate) fn newton_for(&self, unknowns: usize) -> NewtonParams {
+        /// From here on chord steps were measured to be faster; `docs/kernel.md` has the measurements.
+        const LEAST_UNKNOWNS_OF_CHORDS: usize = 256;
+        let by_size = if unknowns < LEAST_UNKNOWNS_OF_CHORDS { 0 } else { 2 };
+        NewtonParams { chord_steps: self.chord_steps.unwrap_or(by_size), ..self.newton }
+    }
+
     /// Returns these parameters with other stages. Dynamic relaxation hands over to regularized Newton if that is among
     /// them, otherwise to Newton if that is, and computes the last digits itself if neither is.
     #[must_use]
@@ -146,6 +159,7 @@ impl Default for EquilibriumParams {
     fn default() -> Self {
         Self {
             newton: NewtonParams::default(),
+            chord_steps: None,
             max_cuts: 6,
             regularized: RegularizedParams::default(),
             relaxation: RelaxationParams::default(),

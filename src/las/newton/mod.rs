@@ -8,6 +8,7 @@
 //! constraints of the problem border the linear system ([`Border`]).
 
 mod border;
+mod chord;
 mod curvature;
 mod forcing;
 mod line_search;
@@ -21,6 +22,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 pub use border::Border;
+pub(crate) use chord::CHORD_SHARE;
 pub use curvature::{Curvature, SaddleExit};
 pub use forcing::Forcing;
 pub use minimize::{Potential, RegularizedParams};
@@ -129,30 +131,37 @@ impl<B: Backend<Reduced: Scalar>> NewtonSystem<B> {
                 } else {
                     system.compute_direction(problem, params.keep_preconditioner, report)?;
                 }
-                if !params.has_step_criteria() {
-                    return system.line_search(problem, params, limit, report);
-                }
-                let work = system.residual_dot_direction()?.abs() + system.border.work();
-                let mut next = system.line_search(problem, params, limit, report)?;
-                next.settled = system.is_settled(problem, params, &next, work)?;
-                Ok(next)
+                let work = system.work(params)?;
+                let next = system.line_search(problem, params, limit, report)?;
+                let next = system.settled(problem, params, next, work)?;
+                system.take_chord_steps(problem, params, iterate.norm, next, report)
             },
         )
     }
 
-    /// Returns whether the step to this iterate and its work are small. `work` is `|d . r| + |dp . c|` before the step.
-    fn is_settled<P: NonlinearProblem<B>>(
+    /// Returns the work `|d . r| + |dp . c|` of the step along the direction, if it is a criterion of convergence.
+    fn work(&self, params: &NewtonParams) -> Result<f64, B::Error> {
+        if !params.has_step_criteria() {
+            return Ok(0.0);
+        }
+        Ok(self.residual_dot_direction()?.abs() + self.border.work())
+    }
+
+    /// Judges whether the step to this iterate and its work are small. `work` is that before the step.
+    fn settled<P: NonlinearProblem<B>>(
         &self,
         problem: &P,
         params: &NewtonParams,
-        &Iterate { step, residual_scale, .. }: &Iterate,
+        iterate: Iterate,
         work: f64,
-    ) -> Result<bool, Failure<B, P>> {
-        let Some(scale) = problem.state_scale() else { return Ok(true) };
+    ) -> Evaluation<B, P> {
+        let Some(scale) = problem.state_scale().filter(|_| params.has_step_criteria()) else { return Ok(iterate) };
+        let Iterate { step, residual_scale, .. } = iterate;
         let length = step * self.direction.norm()?.as_f64();
         let is_small = |value: f64, tolerance: Option<f64>, scale: f64| tolerance.is_none_or(|of| value <= of * scale);
-        Ok(is_small(length, params.step_tolerance, scale)
-            && is_small((step * work).abs(), params.energy_tolerance, scale * residual_scale.scale))
+        let settled = is_small(length, params.step_tolerance, scale)
+            && is_small((step * work).abs(), params.energy_tolerance, scale * residual_scale.scale);
+        Ok(Iterate { settled, ..iterate })
     }
 
     /// Repeats `step` until the iterate that it returns has converged. `step` gets the current iterate and the limit of

@@ -39,6 +39,9 @@ pub struct NewtonParams {
     /// Whether the first iteration uses the factorization that the solver holds, of a nearby state (a chord step), instead
     /// of a new one. Default false.
     pub reuse_factorization: bool,
+    /// The most further steps that an iteration takes with its factorization (chord steps), as long as the last step had
+    /// the full length and left at most a tenth of the residual. Default 0.
+    pub chord_steps: usize,
 }
 
 impl NewtonParams {
@@ -61,6 +64,7 @@ impl Default for NewtonParams {
             forcing: None,
             keep_preconditioner: false,
             reuse_factorization: false,
+            chord_steps: 0,
         }
     }
 }
@@ -70,7 +74,7 @@ impl Default for NewtonParams {
 pub struct NewtonReport {
     /// Number of iterations.
     pub iterations: usize,
-    /// `|r|` at the initial state and after every step.
+    /// `|r|` at the initial state and after every iteration.
     pub residuals: Vec<f64>,
     /// The same residuals divided by [`ResidualScale::scale`](super::ResidualScale::scale); 0 if the scale is 0.
     pub relative: Vec<f64>,
@@ -84,8 +88,8 @@ pub struct NewtonReport {
     pub lu: usize,
     /// Number of preconditioner setups of an iterative solver.
     pub approximate: usize,
-    /// Number of Jacobians for which an iterative solver kept the preconditioner of an earlier one, and of iterations with
-    /// the factorization of an earlier one.
+    /// Number of Jacobians for which an iterative solver kept the preconditioner of an earlier one, and of steps with the
+    /// factorization of an earlier one.
     pub kept: usize,
     /// Total number of iterations of the iterative solver.
     pub linear_iterations: usize,

@@ -6,13 +6,13 @@ use crate::backends::dense::Dense;
 use crate::las::{Backend, SolverParams, Sparsity, Symmetry};
 
 /// The equation `r(x) = 0`, with the derivative `dr` and the potential `w`.
-struct OneUnknown {
-    x: f64,
+pub(super) struct OneUnknown {
+    pub x: f64,
     saved: f64,
     r: fn(f64) -> f64,
     dr: fn(f64) -> f64,
     w: fn(f64) -> f64,
-    state_scale: Option<f64>,
+    pub state_scale: Option<f64>,
 }
 
 impl NonlinearProblem<Dense> for OneUnknown {
@@ -53,11 +53,11 @@ impl Potential<Dense> for OneUnknown {
     }
 }
 
-fn equation(x: f64, r: fn(f64) -> f64, dr: fn(f64) -> f64) -> OneUnknown {
+pub(super) fn equation(x: f64, r: fn(f64) -> f64, dr: fn(f64) -> f64) -> OneUnknown {
     OneUnknown { x, saved: 0.0, r, dr, w: |_| f64::NAN, state_scale: None }
 }
 
-fn arctangent(x: f64) -> OneUnknown {
+pub(super) fn arctangent(x: f64) -> OneUnknown {
     equation(x, f64::atan, |x| 1.0 / (1.0 + x * x))
 }
 
@@ -66,7 +66,7 @@ fn wells(x: f64) -> OneUnknown {
     OneUnknown { w: |x| (x * x - 1.0).powi(2), ..equation(x, |x| 4.0 * x * (x * x - 1.0), |x| 12.0 * x * x - 4.0) }
 }
 
-fn system() -> NewtonSystem<Dense> {
+pub(super) fn system() -> NewtonSystem<Dense> {
     let pattern = Arc::new(Sparsity::from_elements(1, [[0]]).unwrap());
     let symbolic = Dense::<f64>::analyze(&(), &pattern, &SolverParams::new(Symmetry::Definite)).unwrap();
     NewtonSystem::new(&(), &pattern, &symbolic).unwrap()

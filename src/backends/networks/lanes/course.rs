@@ -3,6 +3,7 @@
 use super::forces::Forces;
 use super::simd::{Double, MOST_LANES};
 use crate::backends::networks::{BatchParams, Status};
+use crate::las::CHORD_SHARE;
 
 /// The pivot ratio below which a matrix counts as singular up to rounding.
 const SINGULAR: f64 = 1e-12;
@@ -33,22 +34,20 @@ pub(super) struct Course {
     pub(super) reuse: Reuse,
 }
 
-/// What a lane knows of its last factor of single precision.
+/// What a lane knows of its last factor.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Reuse {
-    /// Whether factors serve more than one step.
-    is_possible: bool,
-    /// Whether it has one.
+    /// The most further steps with a factor, and those with the last one.
+    most: u32,
+    taken: u32,
+    /// Whether it serves further steps.
     pub(super) has_factor: bool,
-    /// Whether the last step reduced the residual to [`SHARE`], so that the next one takes the same factor. Also true
+    /// Whether the last step reduced the residual to [`CHORD_SHARE`], so that the next one takes the same factor. Also true
     /// before the first step, whose direction need not be exact either.
     pub(super) pays: bool,
     /// Whether the step that is searched takes the factor of an earlier iterate.
     is_chord: bool,
 }
-
-/// The share of the residual to which a step must reduce it so that its factor serves the next one (a chord step).
-const SHARE: f64 = 0.1;
 
 /// The line search of one lane.
 #[derive(Clone, Copy, Debug)]
@@ -89,7 +88,7 @@ impl Found {
 }
 
 impl Course {
-    pub(super) fn new(found: &Found, has_chords: bool) -> Self {
+    pub(super) fn new(found: &Found, chord_steps: u32) -> Self {
         let &Found { residual, scale, largest } = found;
         Self {
             status: (!found.is_finite()).then_some(Status::NotFinite),
@@ -102,7 +101,7 @@ impl Course {
             recent: [0.0; MEMORY],
             apart: 0.0,
             search: Search::NONE,
-            reuse: Reuse { is_possible: has_chords, has_factor: false, pays: has_chords, is_chord: false },
+            reuse: Reuse { most: chord_steps, taken: 0, has_factor: false, pays: chord_steps > 0, is_chord: false },
         }
     }
 
@@ -161,7 +160,7 @@ impl Course {
         }
         self.iterations += 1;
         self.search_from(params, largest);
-        self.reuse.is_chord = false;
+        self.reuse = Reuse { taken: 0, has_factor: true, is_chord: false, ..self.reuse };
     }
 
     fn search_from(&mut self, params: &BatchParams, largest: f64) {
@@ -177,7 +176,7 @@ impl Course {
     /// Begins a step with the factor of an earlier iterate.
     pub(super) fn begin_chord(&mut self, params: &BatchParams) {
         self.search_from(params, self.residual);
-        self.reuse.is_chord = true;
+        self.reuse = Reuse { taken: self.reuse.taken + 1, is_chord: true, ..self.reuse };
     }
 
     /// Returns how far the positions move along the direction, and takes the step as made.
@@ -198,13 +197,13 @@ impl Course {
         let least = if continues { 0.0 } else { limit };
         let allowed = ((1.0 - params.sufficient_decrease * step) * largest).max(least);
         // A chord step that does not reduce the residual is taken back.
-        let Reuse { is_chord, .. } = self.reuse;
+        let Reuse { is_chord, most, taken, .. } = self.reuse;
         let is_back = is_chord && step == 0.0;
         let takes_any = is_back || params.max_backtracks == 0 && !is_chord;
         if found.is_finite() && (found.residual <= allowed || takes_any) {
             (self.residual, self.scale, self.largest) = (found.residual, found.scale, found.largest);
             self.search.rejected = None;
-            self.reuse.pays = self.reuse.is_possible && step == 1.0 && found.residual <= SHARE * residual;
+            self.reuse.pays = taken < most && step == 1.0 && found.residual <= CHORD_SHARE * residual;
         } else if is_back {
             self.status = Some(Status::LineSearch);
         } else if is_chord {
@@ -244,6 +243,7 @@ mod tests {
         tolerance: 1e-10,
         floor: 0.0,
         max_iterations: 30,
+        chord_steps: 0,
         max_backtracks: 10,
         sufficient_decrease: 1e-4,
         memory: 6,
@@ -261,10 +261,9 @@ mod tests {
     fn a_chord_that_does_not_pay_is_taken_back() {
         for max_backtracks in [0, 10] {
             let params = BatchParams { max_backtracks, ..PARAMS };
-            let mut course = Course::new(&found(1.0), true);
+            let mut course = Course::new(&found(1.0), 2);
             assert!(!course.takes_chord());
             course.begin(&params, false, true, 1.0, false);
-            course.reuse.has_factor = true;
             assert_eq!(course.take_step(), -1.0);
             course.judge(&found(0.05), &params, false);
             assert!(course.takes_chord());

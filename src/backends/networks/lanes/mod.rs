@@ -57,10 +57,6 @@ pub use start::LaneStart;
 
 use super::{BatchParams, NetworkData, Plan, RESULT_LEN, STEPS_OF_CONTINUATION, Status, TileShape};
 
-/// The operations of a factorization from which it pays to keep a factor for several steps, although more steps are
-/// then needed. `docs/kernel.md` has the measurements.
-const LEAST_OPERATIONS_OF_CHORDS: f64 = 1.0e6;
-
 /// The operations of a factorization up to which lanes were measured to be faster than single networks: the factors of
 /// all lanes of larger networks take tens of megabytes. `docs/kernel.md` has the measurements.
 pub const MOST_OPERATIONS: f64 = 1.5e8;
@@ -135,8 +131,6 @@ pub struct NetworkLanes {
     network: Network,
     /// Whether factors of single precision serve for all but the last factorization.
     has_single: bool,
-    /// Whether one of them may serve several steps.
-    has_chords: bool,
 }
 
 impl NetworkLanes {
@@ -154,12 +148,12 @@ impl NetworkLanes {
     /// # Panics
     /// As for [`NetworkLanes::new`].
     pub fn with_level(network: &NetworkData, level: Level) -> Self {
-        Self { level, network: Network::new(network, tile_of(level)), has_single: false, has_chords: false }
+        Self { level, network: Network::new(network, tile_of(level)), has_single: false }
     }
 
     /// Uses factors of single precision for the directions of Newton's method, with residuals of double precision; the
-    /// factor that shows that an equilibrium is stable, and serves its tangent, keeps double precision. A factor serves
-    /// several steps if that is faster. Changes nothing if these instructions are no faster with single precision.
+    /// factor that shows that an equilibrium is stable, and serves its tangent, keeps double precision. If factors serve
+    /// further steps ([`BatchParams::chord_steps`]), their number is not limited. Changes nothing if these instructions are no faster with single precision.
     pub fn use_single_precision(&mut self) {
         self.has_single = match self.level {
             #[cfg(any(test, not(target_arch = "x86_64")))]
@@ -169,13 +163,6 @@ impl NetworkLanes {
             #[cfg(target_arch = "x86_64")]
             Level::Avx512(_) => V4::HAS_SINGLE,
         };
-        self.has_chords = self.has_single && self.operations() >= LEAST_OPERATIONS_OF_CHORDS;
-    }
-
-    /// Lets factors of single precision serve several steps, also those of small networks.
-    #[cfg(all(test, feature = "generate"))]
-    pub fn use_chords(&mut self) {
-        self.has_chords = self.has_single;
     }
 
     /// Returns true if factors of single precision serve for the directions of Newton's method.
@@ -210,7 +197,7 @@ impl NetworkLanes {
     /// Finds the equilibria of up to [`NetworkLanes::lanes`] networks. Calls `read` with the index of each, in
     /// ascending order, and its outcome. Adds to `times`, if given, what each phase takes.
     ///
-    /// With `may_pause`, once most are in equilibrium, the others pause, unless factors serve several steps: `read` is not
+    /// With `may_pause`, once most are in equilibrium, the others pause: `read` is not
     /// called for them, but they are returned with their indices, to be solved in another call ([`LaneStart::paused`]),
     /// with the same results.
     ///
@@ -226,8 +213,6 @@ impl NetworkLanes {
         read: impl FnMut(usize, LaneEnd<'_>),
     ) -> Vec<(usize, Paused)> {
         self.check(starts, params);
-        // The factor that serves further steps of a lane belongs to its group.
-        let may_pause = may_pause && !self.has_chords;
         let clock = Clock::new(times);
         match self.level {
             #[cfg(any(test, not(target_arch = "x86_64")))]
@@ -282,7 +267,7 @@ impl NetworkLanes {
             start::write_starts(simd, network, starts, arrays);
             let clock = &mut Clock::new(None);
             let newton =
-                Newton { simd, network, arrays, params, has_single: false, has_chords: false, may_pause: false, clock };
+                Newton { simd, network, arrays, params, has_single: false, chord_steps: 0, may_pause: false, clock };
             let courses = newton.approach::<C>(reached);
             courses.iter().map(|course| course.status.unwrap_or(Status::Inconclusive)).collect()
         })
@@ -297,14 +282,17 @@ impl NetworkLanes {
         mut clock: Clock<'_>,
         read: impl FnMut(usize, LaneEnd<'_>),
     ) -> Vec<(usize, Paused)> {
-        let Self { network, has_single, has_chords, .. } = self;
-        let (has_single, has_chords) = (*has_single, *has_chords);
+        let Self { network, has_single, .. } = self;
+        let has_single = *has_single;
+        // Directions that are not accurate need more steps, which cost less.
+        let chord_steps = if has_single && params.chord_steps > 0 { u32::MAX } else { params.chord_steps };
         with_arrays(network, has_single, |arrays| {
             start::write_starts(simd, network, starts, arrays);
             clock.end(Phase::Start);
             let courses_so_far: Vec<Option<Course>> =
                 starts.iter().map(|start| start.paused.map(|paused| paused.course)).collect();
-            let newton = Newton { simd, network, arrays, params, has_single, has_chords, may_pause, clock: &mut clock };
+            let newton =
+                Newton { simd, network, arrays, params, has_single, chord_steps, may_pause, clock: &mut clock };
             let courses = newton.run::<C>(&courses_so_far);
             let paused = courses.iter().enumerate().filter(|(_, course)| course.runs());
             let paused = paused.map(|(lane, course)| (lane, Paused::read(*course, network, arrays, lane))).collect();

@@ -12,7 +12,7 @@ use super::pause;
 use super::phases::{Clock, Phase};
 use super::simd::{Double, Kernel, Lanes, MOST_LANES, load, numbers_of, numbers_of_mut, store};
 use super::single;
-use super::triangular::SolveDirection;
+use super::triangular::{SolveBoth, SolveDirection};
 use crate::backends::networks::{BatchParams, Status};
 
 /// Adds `steps` times the direction to the positions of interior nodes.
@@ -51,9 +51,10 @@ pub(super) struct Newton<'a, 'b, 'c, S: Double> {
     pub network: &'a Network,
     pub arrays: &'a mut Arrays<'b, S>,
     pub params: &'a BatchParams,
-    /// Whether directions come from factors of single precision, and whether one of these may serve several steps.
+    /// Whether directions come from factors of single precision.
     pub has_single: bool,
-    pub has_chords: bool,
+    /// The most further steps with a factor.
+    pub chord_steps: u32,
     /// Whether lanes may pause.
     pub may_pause: bool,
     pub clock: &'a mut Clock<'c>,
@@ -73,20 +74,22 @@ impl<S: Double> Newton<'_, '_, '_, S> {
         while self.check(&mut courses, false) {
             // Lanes in equilibrium wait for the others, because only their last factor must have double precision.
             let searches = |course: &Course| course.runs() && !course.has_converged(self.params, false);
-            let pauses = self.may_pause && pause::pays(&courses, searches);
-            if !pauses && self.has_single && courses.iter().any(searches) {
-                if courses.iter().any(|course| searches(course) && course.takes_chord()) {
-                    self.chord_direction::<C>(&mut courses);
-                } else {
-                    self.single_direction::<C>(&mut courses);
-                }
+            if courses.iter().any(|course| searches(course) && course.takes_chord()) {
+                self.chord_direction::<C>(&mut courses);
                 self.search_line(&mut courses, false);
                 continue;
             }
-            self.direction::<C>(&mut courses, false);
+            let pauses = self.may_pause && pause::pays(&courses, searches);
+            if !pauses && self.has_single && courses.iter().any(searches) {
+                self.single_direction::<C>(&mut courses);
+                self.search_line(&mut courses, false);
+                continue;
+            }
+            // A lane that pauses loses its factor, which may serve a further step.
+            let only_converged = self.has_single || pauses && self.chord_steps > 0;
+            self.direction::<C>(&mut courses, false, only_converged);
             if pauses {
-                // In mixed precision, the lanes that pause have no direction yet.
-                if !self.has_single {
+                if !only_converged {
                     self.take_steps(&mut courses);
                 }
                 break;
@@ -107,7 +110,7 @@ impl<S: Double> Newton<'_, '_, '_, S> {
             }
         }
         while self.check(&mut courses, true) {
-            self.direction::<C>(&mut courses, true);
+            self.direction::<C>(&mut courses, true, false);
             self.search_line(&mut courses, true);
             for (lane, course) in courses.iter_mut().enumerate().filter(|(_, course)| course.runs()) {
                 let distance = self.distance(lane, &reached[lane]);
@@ -125,7 +128,7 @@ impl<S: Double> Newton<'_, '_, '_, S> {
                 course.judge(found, self.params, false);
                 course
             }
-            None => Course::new(found, self.has_chords),
+            None => Course::new(found, self.chord_steps),
         };
         let mut courses: Vec<Course> = found.iter().zip(paused).map(begun).collect();
         self.search_line(&mut courses, false);
@@ -140,13 +143,14 @@ impl<S: Double> Newton<'_, '_, '_, S> {
 
     /// Factors the stiffness, ends the lanes in equilibrium, and computes the directions of the others. At an equilibrium,
     /// the factor shows that it is stable, and serves the tangent.
-    fn direction<const C: usize>(&mut self, courses: &mut [Course], continues: bool) {
-        let Self { simd, network, params, has_single, .. } = *self;
+    fn direction<const C: usize>(&mut self, courses: &mut [Course], continues: bool, only_converged: bool) {
+        let Self { simd, network, params, .. } = *self;
         let pivots = simd.vectorize(self.arrays.factor::<C>(network));
         self.clock.end(Phase::Factor);
         let (smallest, largest) = (pivots.smallest.numbers(), pivots.largest.numbers());
         let positive = pivots.positive.numbers();
-        let takes_part = |course: &Course| course.runs() && (!has_single || course.has_converged(params, continues));
+        let takes_part =
+            |course: &Course| course.runs() && (!only_converged || course.has_converged(params, continues));
         for (lane, course) in courses.iter_mut().enumerate().filter(|(_, course)| takes_part(course)) {
             let ratio = smallest[lane] / largest[lane];
             course.begin(params, continues, positive[lane] != 0.0, ratio, network.interior == 0);
@@ -192,7 +196,14 @@ impl<S: Double> Newton<'_, '_, '_, S> {
                 course.begin_chord(self.params);
             }
         }
-        single::chord::<S, C>(self.simd, self.network, self.arrays, &residuals);
+        let Self { simd, network, .. } = *self;
+        if self.has_single {
+            single::chord::<S, C>(simd, network, self.arrays, &residuals);
+        } else {
+            let Arrays { diagonal, lower, direction, modes, .. } = &mut *self.arrays;
+            simd.vectorize(SolveBoth::<S, C> { schedule: &network.schedule, diagonal, lower, right: direction });
+            modes[..direction.len()].copy_from_slice(direction);
+        }
         self.clock.end(Phase::Factor);
     }
 

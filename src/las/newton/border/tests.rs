@@ -154,6 +154,21 @@ fn newton_satisfies_the_constraints_and_converges_quadratically() {
 }
 
 #[test]
+fn chord_steps_satisfy_the_constraints() {
+    let solve = |chord_steps| {
+        let mut problem = OnSphere { x: [1.2, 0.3, 0.6], ..on_sphere(2.0, 0.25) };
+        let params = NewtonParams { tolerance: 1e-12, chord_steps, ..NewtonParams::default() };
+        let report = dense(3, 2).solve(&mut problem, &params).unwrap();
+        (problem, report)
+    };
+    let ((newton, of_newton), (chord, of_chord)) = (solve(0), solve(2));
+    assert!(of_chord.kept > 0 && of_chord.iterations < of_newton.iterations, "{of_chord:?}");
+    for (one, other) in newton.x.iter().chain(&newton.p).zip(chord.x.iter().chain(&chord.p)) {
+        assert!((one - other).abs() < 1e-10, "{one} {other}");
+    }
+}
+
+#[test]
 fn the_line_search_judges_the_constraints_too() {
     // Far from its target, the constraint dominates the norm; the full steps alternate or diverge.
     let mut problem = OnSphere { x: [1e-3, 2e-3, -1e-3], targets: [50.0, 3.0], ..on_sphere(2.0, 0.0) };
