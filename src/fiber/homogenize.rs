@@ -79,22 +79,31 @@ pub(crate) fn tangent_from_form(
     f: &Matrix3<f64>,
     pk1: &Matrix3<f64>,
 ) -> Option<Tangent> {
-    let mut form = Tangent::zeros();
-    // The six columns of the strains follow from the force sensitivities, the three columns of the spins from the
-    // stress. The two mixed blocks are not assumed to be transposes of each other: they are only to the accuracy of the
-    // balance of forces and moments.
-    form.fixed_view_mut::<9, MODES>(0, 0).copy_from(&SMatrix::<f64, 9, MODES>::from_fn(|k, l| products[k][l] * scale));
-    for w in 0..3 {
-        let turned_stress = spin(w) * pk1;
-        for k in 0..MODES {
-            form[(k, MODES + w)] = (strain(k) * f).dot(&turned_stress);
-        }
-        for v in 0..3 {
-            form[(MODES + v, MODES + w)] = (spin(v) * f).dot(&turned_stress);
+    let inverse = f.try_inverse()?;
+    // Rows are entries `(i, j)` of an increment `D`, columns the nine unit increments. The six columns of the strains
+    // follow from the force sensitivities, the three columns of the spins from the stress, `E F : W P = E : W P F^T`.
+    // The two mixed blocks are not assumed to be transposes of each other: they are only to the accuracy of the balance
+    // of forces and moments.
+    let mut columns = Tangent::zeros();
+    for l in 0..MODES {
+        for (entry, value) in entries(|k| products[k][l]).into_iter().enumerate() {
+            columns[(entry, l)] = value * scale;
         }
     }
-    let coefficients = increment_coefficients(f)?;
-    Some(coefficients.transpose() * form * coefficients)
+    let moment = pk1 * f.transpose();
+    for w in 0..3 {
+        let turned = spin(w) * moment;
+        for entry in 0..9 {
+            columns[(entry, MODES + w)] = turned[(entry / 3, entry % 3)];
+        }
+    }
+    let mut form = Tangent::zeros();
+    for row in 0..9 {
+        for (entry, value) in entries(|l| columns[(row, l)]).into_iter().enumerate() {
+            form[(row, entry)] = value;
+        }
+    }
+    Some(times_inverse(&form, &inverse))
 }
 
 /// The `k`-th symmetric unit increment `S_k`, in Voigt order 11, 22, 33, 23, 13, 12.
@@ -116,27 +125,24 @@ fn spin(w: usize) -> Matrix3<f64> {
     s
 }
 
-/// Column `3 i + J` holds the coefficients of `dF F^-1` in the nine unit increments for `dF = e_i (x) e_J`.
-fn increment_coefficients(f: &Matrix3<f64>) -> Option<Tangent> {
-    let inverse = f.try_inverse()?;
-    let mut coefficients = Tangent::zeros();
+/// Transforms a linear form, given by its values at the nine unit increments, to its values at the unit entries
+/// `e_i (x) e_j`, in the order `3 i + j`: half the sum of a symmetric unit increment and, plus or minus, a skew one.
+fn entries(at: impl Fn(usize) -> f64) -> [f64; 9] {
+    let [sum, difference] = [1.0, -1.0].map(|sign| [0, 1, 2].map(|k| 0.5 * (at(3 + k) + sign * at(MODES + k))));
+    [at(0), difference[2], sum[1], sum[2], at(1), difference[0], difference[1], sum[0], at(2)]
+}
+
+/// Transforms a form in the entries of `D = dF F^-1` to one in those of `dF`: `dF = e_i (x) e_J` has the entries
+/// `D_ij = F^-1_Jj`.
+fn times_inverse(entries: &Tangent, inverse: &Matrix3<f64>) -> Tangent {
+    let mut tangent = Tangent::zeros();
     for i in 0..3 {
-        for j in 0..3 {
-            let mut increment = Matrix3::zeros();
-            increment.set_row(i, &inverse.row(j));
-            let mut column = coefficients.column_mut(3 * i + j);
-            for k in 0..3 {
-                column[k] = increment[(k, k)];
-            }
-            for (k, (p, q)) in [(1, 2), (0, 2), (0, 1)].into_iter().enumerate() {
-                column[3 + k] = 0.5 * (increment[(p, q)] + increment[(q, p)]);
-            }
-            for (w, (p, q)) in [(2, 1), (0, 2), (1, 0)].into_iter().enumerate() {
-                column[6 + w] = 0.5 * (increment[(p, q)] - increment[(q, p)]);
-            }
+        for k in 0..3 {
+            let block = inverse * entries.fixed_view::<3, 3>(3 * i, 3 * k) * inverse.transpose();
+            tangent.fixed_view_mut::<3, 3>(3 * i, 3 * k).copy_from(&block);
         }
     }
-    Some(coefficients)
+    tangent
 }
 
 /// Computes, for every mode, the sensitivities of all nodes for which those of the interior forces vanish.
