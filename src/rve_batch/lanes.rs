@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::queue::{Job, Queue};
 use super::{OfModel, network_data, rows};
-use crate::backends::networks::lanes::{LaneStart, Level, NetworkLanes, PhaseTimes};
+use crate::backends::networks::lanes::{LaneEnd, LaneGroup, LaneStart, Level, NetworkLanes, PhaseTimes};
 use crate::backends::networks::{BatchParams, Status};
 use crate::fiber::batch::{BatchEquilibrium, BatchProgress, BatchSolver};
 use crate::fiber::equilibrium::EquilibriumParams;
@@ -166,23 +166,18 @@ impl LaneBatch {
     /// Solves a group. RVEs that neither have an equilibrium then, nor paused, are unchanged.
     fn solve_group(&self, jobs: &mut [Job<'_>], params: &BatchParams, may_pause: bool, times: Option<&mut PhaseTimes>) {
         let start = ProcessorTime::now();
-        let mut found = Vec::with_capacity(jobs.len());
-        let starts: Vec<LaneStart<'_>> = jobs.iter().map(|job| self.start(job)).collect();
-        let paused = self.lanes.solve(&starts, params, may_pause, times, |lane, end| {
-            if let Some(equilibrium) = self.of_model.equilibrium(&end.result(), jobs[lane].target) {
-                found.push((lane, equilibrium, end.positions, end.sensitivities));
-            }
-        });
+        let mut group = Group { batch: self, jobs, found: Vec::new() };
+        let paused = self.lanes.solve(&mut group, params, may_pause, times);
+        let Group { jobs, found, .. } = group;
         let before: Vec<usize> = jobs.iter_mut().map(Job::end_pause).collect();
         // Each evaluates its forces once more than it has iterations, without the steps that take an earlier factor.
         let work = |lane: usize, iterations: usize| (1 + iterations - before[lane]) as f64;
-        let of_ended: f64 = found.iter().map(|(lane, found, ..)| work(*lane, found.iterations)).sum();
+        let of_ended: f64 = found.iter().map(|(lane, found)| work(*lane, found.iterations)).sum();
         let of_paused: f64 = paused.iter().map(|(lane, paused)| work(*lane, paused.iterations())).sum();
         let seconds = start.seconds() / (of_ended + of_paused);
-        for (lane, equilibrium, positions, sensitivities) in found {
+        for (lane, equilibrium) in found {
             let job = &mut jobs[lane];
             job.seconds += seconds * work(lane, equilibrium.iterations);
-            job.rve.replace(job.target, &positions, self.predicts.then_some(&sensitivities[..]));
             *job.solved = Some(BatchEquilibrium { seconds: Some(job.seconds), ..equilibrium });
         }
         for (lane, paused) in paused {
@@ -223,6 +218,31 @@ impl LaneBatch {
             leads[k] = status == Status::Continues;
         }
         leads
+    }
+}
+
+/// The RVEs of a group, and the equilibria found so far, with their lanes.
+struct Group<'g, 'a> {
+    batch: &'g LaneBatch,
+    jobs: &'g mut [Job<'a>],
+    found: Vec<(usize, BatchEquilibrium)>,
+}
+
+impl LaneGroup for Group<'_, '_> {
+    fn networks(&self) -> usize {
+        self.jobs.len()
+    }
+
+    fn start(&self, lane: usize) -> LaneStart<'_> {
+        self.batch.start(&self.jobs[lane])
+    }
+
+    fn end(&mut self, lane: usize, end: LaneEnd<'_>) {
+        let job = &mut self.jobs[lane];
+        if let Some(equilibrium) = self.batch.of_model.equilibrium(&end.result(), job.target) {
+            job.rve.replace(job.target, end.positions, self.batch.predicts.then_some(end.sensitivities));
+            self.found.push((lane, equilibrium));
+        }
     }
 }
 

@@ -5,7 +5,7 @@ use super::blocks::Node;
 use super::course::Course;
 use super::forces::EvaluateEnds;
 use super::network::Network;
-use super::simd::{Double, Kernel, Lanes, MOST_LANES, load, numbers_of, store};
+use super::simd::{Double, Kernel, Lanes, MOST_LANES, load, numbers_of, numbers_of_mut, store};
 use super::tangent::{ComputeProducts, Energy, SolveModes, Stress, strain};
 use crate::backends::networks::result::{
     BACKTRACKS, ENERGY, FORM, IMBALANCE, ITERATIONS, PIVOT_RATIO, RESIDUAL, SCALE, STATUS, STRESS,
@@ -20,10 +20,10 @@ const ACCURATE: f64 = 1e-8;
 pub struct LaneEnd<'a> {
     numbers: &'a [f64],
     /// The positions of the interior nodes; empty without an equilibrium.
-    pub positions: Vec<[f64; 3]>,
+    pub positions: &'a [[f64; 3]],
     /// The sensitivities, as in [`LaneStart::sensitivities`](super::LaneStart::sensitivities); empty without an
     /// equilibrium or without tangent.
-    pub sensitivities: Vec<[f32; 3 * MODES]>,
+    pub sensitivities: &'a [[f32; 3 * MODES]],
 }
 
 impl LaneEnd<'_> {
@@ -37,22 +37,25 @@ impl LaneEnd<'_> {
 pub(super) fn read_ends<'a, S: Double>(
     simd: S,
     network: &Network,
-    arrays: &Arrays<'_, S>,
+    arrays: &mut Arrays<'_, S>,
     wants_tangent: bool,
     ended: impl Iterator<Item = (usize, &'a [f64; RESULT_LEN])>,
     mut read: impl FnMut(usize, LaneEnd<'_>),
 ) {
-    let mut sensitivities = vec![Vec::new(); S::LANES];
-    let ended: Vec<_> = ended.collect();
+    let interior = network.interior;
+    let Arrays { positions, modes, direction, loads, .. } = arrays;
+    // These arrays are free now. They take the states of the lanes, one after the other.
+    let (states, sensitivities) = (numbers_of_mut::<S>(direction), numbers_of_mut::<S>(loads));
+    let states: &mut [[f64; 3]] = bytemuck::cast_slice_mut(states);
+    let (sensitivities, _) = bytemuck::cast_slice_mut(sensitivities).as_chunks_mut::<{ 3 * MODES }>();
+    simd.vectorize(ReadStates { network, positions, modes, states, sensitivities, wants_tangent });
     let has_state = |numbers: &[f64; RESULT_LEN]| numbers[STATUS] == Status::Converged as usize as f64;
-    let with_state = || ended.iter().filter(|(_, numbers)| has_state(numbers)).map(|(lane, _)| *lane);
-    if wants_tangent && with_state().next().is_some() {
-        with_state().for_each(|lane| sensitivities[lane] = vec![[0.0; 3 * MODES]; network.interior]);
-        simd.vectorize(ReadSensitivities { network, arrays, of_lanes: &mut sensitivities });
-    }
     for (lane, numbers) in ended {
-        let positions = if has_state(numbers) { read_positions::<S>(network, arrays, lane) } else { Vec::new() };
-        read(lane, LaneEnd { numbers, positions, sensitivities: std::mem::take(&mut sensitivities[lane]) });
+        let of_lane = lane * interior..(lane + 1) * interior;
+        let none = 0..0;
+        let of_state = if has_state(numbers) { of_lane } else { none.clone() };
+        let of_tangent = if wants_tangent { of_state.clone() } else { none };
+        read(lane, LaneEnd { numbers, positions: &states[of_state], sensitivities: &sensitivities[of_tangent] });
     }
 }
 
@@ -102,38 +105,46 @@ pub(super) fn condense<S: Double, const C: usize>(
     }
 }
 
-fn read_positions<S: Double>(network: &Network, arrays: &Arrays<'_, S>, lane: usize) -> Vec<[f64; 3]> {
-    let numbers = numbers_of::<S>(arrays.positions);
-    let of_place = |place: u32| std::array::from_fn(|k| numbers[(3 * place as usize + k) * S::LANES + lane]);
-    network.places.iter().map(|&place| of_place(place)).collect()
-}
-
-/// Reads the sensitivities of the lanes for which there is room, minus those of the affine motion.
-struct ReadSensitivities<'a, 'b, S: Double> {
+/// Reads the positions of interior nodes, lane after lane, and their sensitivities, minus those of the affine motion.
+struct ReadStates<'a, S: Double> {
     network: &'a Network,
-    arrays: &'a Arrays<'b, S>,
-    of_lanes: &'a mut [Vec<[f32; 3 * MODES]>],
+    positions: &'a [S::Stored],
+    modes: &'a [S::Stored],
+    states: &'a mut [[f64; 3]],
+    sensitivities: &'a mut [[f32; 3 * MODES]],
+    wants_tangent: bool,
 }
 
-impl<S: Double> Kernel<S> for ReadSensitivities<'_, '_, S> {
+impl<S: Double> Kernel<S> for ReadStates<'_, S> {
     type Output = ();
 
     #[inline(always)]
     fn run(self, simd: S) {
-        let Self { network, arrays: Arrays { positions, modes, .. }, of_lanes } = self;
+        let Self { network, positions, modes, states, sensitivities, wants_tangent } = self;
+        let interior = network.interior;
         let mut of_node = [<S::Stored as bytemuck::Zeroable>::zeroed(); 3 * MODES];
         for (node, &place) in network.places.iter().enumerate() {
             let place = place as usize;
+            let numbers = numbers_of::<S>(positions);
+            for lane in 0..S::LANES {
+                let state = &mut states[lane * interior + node];
+                for k in 0..3 {
+                    state[k] = numbers[(3 * place + k) * S::LANES + lane];
+                }
+            }
+            if !wants_tangent {
+                continue;
+            }
             let x: Node<S> = load(simd, positions, place);
             for mode in 0..MODES {
                 let (affine, v): (_, Node<S>) = (strain(mode, &x), load(simd, modes, MODES * place + mode));
                 store(&[v[0] - affine[0], v[1] - affine[1], v[2] - affine[2]], &mut of_node, mode);
             }
             let numbers = numbers_of::<S>(&of_node);
-            for (lane, of_lane) in of_lanes.iter_mut().enumerate() {
-                let Some(of_lane) = of_lane.get_mut(node) else { continue };
-                for (k, number) in of_lane.iter_mut().enumerate() {
-                    *number = numbers[k * S::LANES + lane] as f32;
+            for lane in 0..S::LANES {
+                let of_lane = &mut sensitivities[lane * interior + node];
+                for k in 0..3 * MODES {
+                    of_lane[k] = numbers[k * S::LANES + lane] as f32;
                 }
             }
         }

@@ -124,6 +124,18 @@ fn tile_of(level: Level) -> TileShape {
     }
 }
 
+/// The networks that are solved at the same time, one in each lane.
+pub trait LaneGroup {
+    /// Their number, at most [`NetworkLanes::lanes`].
+    fn networks(&self) -> usize;
+
+    /// Returns where a network starts.
+    fn start(&self, lane: usize) -> LaneStart<'_>;
+
+    /// Takes the outcome of a network. Not called for one that pauses.
+    fn end(&mut self, lane: usize, end: LaneEnd<'_>);
+}
+
 /// A network whose equilibria are found in lanes.
 #[derive(Debug)]
 pub struct NetworkLanes {
@@ -194,8 +206,8 @@ impl NetworkLanes {
         arrays::bytes_per_lane(&self.network, self.has_single)
     }
 
-    /// Finds the equilibria of up to [`NetworkLanes::lanes`] networks. Calls `read` with the index of each, in
-    /// ascending order, and its outcome. Adds to `times`, if given, what each phase takes.
+    /// Finds the equilibria of a group of networks, and passes their outcomes to [`LaneGroup::end`], in ascending order.
+    /// Adds to `times`, if given, what each phase takes.
     ///
     /// With `may_pause`, once most are in equilibrium, the others pause: `read` is not
     /// called for them, but they are returned with their indices, to be solved in another call ([`LaneStart::paused`]),
@@ -206,21 +218,19 @@ impl NetworkLanes {
     /// [`BatchParams::memory`] is not 1 to 8.
     pub fn solve(
         &self,
-        starts: &[LaneStart<'_>],
+        group: &mut impl LaneGroup,
         params: &BatchParams,
         may_pause: bool,
         times: Option<&mut PhaseTimes>,
-        read: impl FnMut(usize, LaneEnd<'_>),
     ) -> Vec<(usize, Paused)> {
-        self.check(starts, params);
         let clock = Clock::new(times);
         match self.level {
             #[cfg(any(test, not(target_arch = "x86_64")))]
-            Level::Portable => self.solve_with::<_, 1>(Portable, starts, params, may_pause, clock, read),
+            Level::Portable => self.solve_with::<_, 1>(Portable, group, params, may_pause, clock),
             #[cfg(target_arch = "x86_64")]
-            Level::Avx2(simd) => self.solve_with::<_, 1>(simd, starts, params, may_pause, clock, read),
+            Level::Avx2(simd) => self.solve_with::<_, 1>(simd, group, params, may_pause, clock),
             #[cfg(target_arch = "x86_64")]
-            Level::Avx512(simd) => self.solve_with::<_, 2>(simd, starts, params, may_pause, clock, read),
+            Level::Avx512(simd) => self.solve_with::<_, 2>(simd, group, params, may_pause, clock),
         }
     }
 
@@ -276,21 +286,23 @@ impl NetworkLanes {
     fn solve_with<S: Double, const C: usize>(
         &self,
         simd: S,
-        starts: &[LaneStart<'_>],
+        group: &mut impl LaneGroup,
         params: &BatchParams,
         may_pause: bool,
         mut clock: Clock<'_>,
-        read: impl FnMut(usize, LaneEnd<'_>),
     ) -> Vec<(usize, Paused)> {
         let Self { network, has_single, .. } = self;
         let has_single = *has_single;
         // Directions that are not accurate need more steps, which cost less.
         let chord_steps = if has_single && params.chord_steps > 0 { u32::MAX } else { params.chord_steps };
         with_arrays(network, has_single, |arrays| {
-            start::write_starts(simd, network, starts, arrays);
+            let courses_so_far: Vec<Option<Course>> = {
+                let starts: Vec<LaneStart<'_>> = (0..group.networks()).map(|lane| group.start(lane)).collect();
+                self.check(&starts, params);
+                start::write_starts(simd, network, &starts, arrays);
+                starts.iter().map(|start| start.paused.map(|paused| paused.course)).collect()
+            };
             clock.end(Phase::Start);
-            let courses_so_far: Vec<Option<Course>> =
-                starts.iter().map(|start| start.paused.map(|paused| paused.course)).collect();
             let newton =
                 Newton { simd, network, arrays, params, has_single, chord_steps, may_pause, clock: &mut clock };
             let courses = newton.run::<C>(&courses_so_far);
@@ -302,7 +314,7 @@ impl NetworkLanes {
             }
             clock.end(Phase::Tangent);
             let ended = results.iter().enumerate().filter(|(lane, _)| !courses[*lane].runs());
-            read_ends(simd, network, arrays, params.wants_tangent, ended, read);
+            read_ends(simd, network, arrays, params.wants_tangent, ended, |lane, end| group.end(lane, end));
             clock.end(Phase::End);
             paused
         })
