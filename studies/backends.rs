@@ -224,7 +224,8 @@ where
     let model = RveModel::<B>::with_solver(context, Arc::clone(network), Some(material), scale, params)?;
     let mut workspace = Workspace::new(context, &model)?;
     // Plain Newton is the only stage, so that a failure is visible.
-    let params = EquilibriumParams::default().with_stages(Stages::of(&[Stage::Newton]));
+    let mut params = EquilibriumParams::default().with_stages(Stages::of(&[Stage::Newton]));
+    params.chord_steps = Some(0);
     let f = Matrix3::new(1.1, 0.05, 0.0, 0.0, 0.95, 0.02, 0.0, 0.0, 1.0);
     Ok(Box::new(move || {
         let mut rve = Rve::at_rest(model.network());

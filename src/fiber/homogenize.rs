@@ -29,9 +29,9 @@
 //!
 //! Nine increments `dF = D F` span all `dF`. For the six symmetric unit increments `D = S_k`, the *strain modes*, the
 //! boundary moves with `v_b = S_k x_b`; they need the solves of step 1. For the three skew ones, `D = W`, the network
-//! rotates rigidly: `P(R F) = R P(F)` gives `A : (W F) = W P` without a solve. The matrix `C` of the coefficients of
-//! `dF F^-1` in these nine unit increments transforms the form `D_k F : A : D_l F` to the components of `A`,
-//! `C^T form C`.
+//! rotates rigidly: `P(R F) = R P(F)` gives `A : (W F) = W P` without a solve. The form
+//! `D_k F : A : D_l F` is then known for all pairs of them, hence for those of the unit entries of `D`, which are sums of
+//! two of them, and with `D = dF F^-1` for those of `dF`: the components of `A`.
 //!
 //! The public interface is [`EquilibriumState`](super::equilibrium::EquilibriumState), which
 //! [`super::equilibrium::equilibrate`] returns; the functions here read the workspace that it borrows.
@@ -126,7 +126,7 @@ fn spin(w: usize) -> Matrix3<f64> {
 }
 
 /// Transforms a linear form, given by its values at the nine unit increments, to its values at the unit entries
-/// `e_i (x) e_j`, in the order `3 i + j`: half the sum of a symmetric unit increment and, plus or minus, a skew one.
+/// `e_i (x) e_j`, in the order `3 i + j`: on the diagonal `S_k` itself, otherwise half of `S_k` plus or minus half of `W`.
 fn entries(at: impl Fn(usize) -> f64) -> [f64; 9] {
     let [sum, difference] = [1.0, -1.0].map(|sign| [0, 1, 2].map(|k| 0.5 * (at(3 + k) + sign * at(MODES + k))));
     [at(0), difference[2], sum[1], sum[2], at(1), difference[0], difference[1], sum[0], at(2)]
@@ -134,11 +134,11 @@ fn entries(at: impl Fn(usize) -> f64) -> [f64; 9] {
 
 /// Transforms a form in the entries of `D = dF F^-1` to one in those of `dF`: `dF = e_i (x) e_J` has the entries
 /// `D_ij = F^-1_Jj`.
-fn times_inverse(entries: &Tangent, inverse: &Matrix3<f64>) -> Tangent {
+fn times_inverse(form: &Tangent, inverse: &Matrix3<f64>) -> Tangent {
     let mut tangent = Tangent::zeros();
     for i in 0..3 {
         for k in 0..3 {
-            let block = inverse * entries.fixed_view::<3, 3>(3 * i, 3 * k) * inverse.transpose();
+            let block = inverse * form.fixed_view::<3, 3>(3 * i, 3 * k) * inverse.transpose();
             tangent.fixed_view_mut::<3, 3>(3 * i, 3 * k).copy_from(&block);
         }
     }
@@ -317,4 +317,35 @@ fn sensitivity_products<B: Backend>(workspace: &Workspace<B>) -> [[f64; MODES]; 
         }
     }
     products
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::las::conformance::Random;
+
+    /// With all nine unit increments, `A : (S_l F)` has the given products, symmetric or not, and `A : (W F)` those of
+    /// `W P`.
+    #[test]
+    fn the_tangent_has_the_given_products_with_all_increments() {
+        let mut random = Random::new(6);
+        let f = Matrix3::identity() + Matrix3::from_fn(|_, _| 0.3 * random.signed());
+        let pk1 = Matrix3::from_fn(|_, _| random.signed());
+        let products: [[f64; MODES]; 9] = std::array::from_fn(|_| std::array::from_fn(|_| random.signed()));
+        let scale = 2.5;
+        let tangent = tangent_from_form(&products, scale, &f, &pk1).unwrap();
+        let unit = |k: usize| if k < MODES { strain(k) } else { spin(k - MODES) };
+        let increment = |k: usize| unit(k) * f;
+        for (k, of_increment) in products.iter().enumerate() {
+            for l in 0..9 {
+                let entry = |of: &Matrix3<f64>, at: usize| of[(at / 3, at % 3)];
+                let sum =
+                    |at: usize| (0..9).map(|other| tangent[(at, other)] * entry(&increment(l), other)).sum::<f64>();
+                let found: f64 = (0..9).map(|at| entry(&increment(k), at) * sum(at)).sum();
+                let of_spin = || increment(k).dot(&(spin(l - MODES) * pk1));
+                let expected = of_increment.get(l).map_or_else(of_spin, |product| scale * product);
+                assert!((found - expected).abs() < 1e-13, "{k}, {l}: {found} instead of {expected}");
+            }
+        }
+    }
 }

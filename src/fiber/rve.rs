@@ -12,7 +12,7 @@ use super::network::Network;
 use super::stiffness::{self, StiffnessSlots};
 use super::truss::{Truss, TrussError};
 use super::workspace::{MODES, Workspace};
-use crate::las::{Backend, RealBackend, SolveError, SolverParams, Sparsity, SparsityError, Symmetry};
+use crate::las::{Backend, Method, RealBackend, SolveError, SolverParams, Sparsity, SparsityError, Symmetry};
 
 /// The factor `kappa` that converts forces of the unit-cube network to stresses.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -40,6 +40,7 @@ pub struct RveModel<B: Backend> {
     scale: f64,
     rounding_floor: f64,
     masses: Vec<f64>,
+    chord_steps: usize,
     pub(super) fingerprint: Option<NonZeroU64>,
 }
 
@@ -68,6 +69,14 @@ pub enum RveModelError<F: std::error::Error> {
     /// The backend cannot analyze the stiffness.
     #[error("the stiffness cannot be analyzed: {0}")]
     Analysis(#[from] SolveError<F>),
+}
+
+/// Returns the chord steps of an iteration that serve a network with this number of unknowns. RVEs have the same
+/// iterates alone and beside others, so that nothing else may decide.
+fn chord_steps(unknowns: usize, solver: &SolverParams) -> usize {
+    /// From here on a factorization was measured to cost more than the steps that replace it: see `docs/kernel.md`.
+    const LEAST_UNKNOWNS: usize = 256;
+    if solver.method == Method::Direct && unknowns >= LEAST_UNKNOWNS { 3 } else { 0 }
 }
 
 impl<B: RealBackend> RveModel<B> {
@@ -113,6 +122,7 @@ impl<B: RealBackend> RveModel<B> {
         }
         let slots = StiffnessSlots::locate(context, &truss, &pattern).map_err(SolveError::Backend)?;
         Ok(Self {
+            chord_steps: chord_steps(pattern.rows(), solver),
             rounding_floor: truss.rounding_floor(),
             fingerprint: fingerprint(truss.network()),
             truss,
@@ -159,6 +169,12 @@ impl<B: RealBackend> RveModel<B> {
     /// Number of unknowns: three per interior node.
     pub fn unknowns(&self) -> usize {
         self.pattern.rows()
+    }
+
+    /// The chord steps of an iteration ([`EquilibriumParams::chord_steps`](super::equilibrium::EquilibriumParams)) if
+    /// nothing else is asked for.
+    pub(crate) fn chord_steps(&self) -> usize {
+        self.chord_steps
     }
 
     /// Lumped nodal masses, in kg with `L` in unit-cube units: half of `rho A L` of every fiber at each of its ends.

@@ -57,8 +57,8 @@ impl LaneBatch {
 
     /// Uses factors of single precision where this machine is faster with them
     /// ([`NetworkLanes::use_single_precision`]). Results then agree with those of double precision to the tolerance of
-    /// the equilibria, but not to rounding errors. An RVE may take another iteration, or fewer: steps with the factor
-    /// of an earlier iterate do not count.
+    /// the equilibria, but not to rounding errors. An RVE may take another iteration, or fewer, because the number of
+    /// steps with the same factor is not limited.
     #[must_use]
     pub fn with_single_precision(mut self) -> Self {
         self.lanes.use_single_precision();
@@ -170,7 +170,7 @@ impl LaneBatch {
         let paused = self.lanes.solve(&mut group, params, may_pause, times);
         let Group { jobs, found, .. } = group;
         let before: Vec<usize> = jobs.iter_mut().map(Job::end_pause).collect();
-        // Each evaluates its forces once more than it has iterations, without the steps that take an earlier factor.
+        // Each takes one factorization more than it has iterations.
         let work = |lane: usize, iterations: usize| (1 + iterations - before[lane]) as f64;
         let of_ended: f64 = found.iter().map(|(lane, found)| work(*lane, found.iterations)).sum();
         let of_paused: f64 = paused.iter().map(|(lane, paused)| work(*lane, paused.iterations())).sum();

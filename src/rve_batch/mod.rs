@@ -113,12 +113,15 @@ struct OfModel {
     floor: f64,
     /// The interior nodes.
     interior: usize,
+    /// The chord steps of an iteration.
+    chord_steps: usize,
 }
 
 impl OfModel {
     fn new<B: RealBackend>(model: &RveModel<B>) -> Self {
         let interior = model.network().interior().len();
-        Self { scale: model.scale(), floor: model.rounding_floor(), interior }
+        let (scale, floor, chord_steps) = (model.scale(), model.rounding_floor(), model.chord_steps());
+        Self { scale, floor, interior, chord_steps }
     }
 
     /// Returns the parameters for a batch; `None` if the parameters ask for something else than Newton's method as the
@@ -126,14 +129,14 @@ impl OfModel {
     fn params(&self, params: &EquilibriumParams) -> Option<BatchParams> {
         /// A network that needs more is left: others of its group may wait for it.
         const MOST_ITERATIONS: usize = 30;
-        let newton = params.newton_for(3 * self.interior);
+        let newton = params.newton_for(self.chord_steps);
         let is_plain = newton.step_tolerance.is_none() && newton.energy_tolerance.is_none();
         let is_possible = params.stages.has(Stage::Newton) && is_plain && (1..=8).contains(&newton.nonmonotone_memory);
         is_possible.then_some(BatchParams {
             tolerance: newton.tolerance,
             floor: self.floor,
             max_iterations: newton.max_iterations.min(MOST_ITERATIONS) as u32,
-            chord_steps: newton.chord_steps.min(MOST_ITERATIONS) as u32,
+            chord_steps: newton.chord_steps.try_into().unwrap_or(u32::MAX),
             max_backtracks: newton.max_backtracks,
             sufficient_decrease: newton.sufficient_decrease,
             memory: newton.nonmonotone_memory as u32,

@@ -11,7 +11,7 @@ use super::*;
 use crate::backends::networks::lanes::Level;
 use crate::backends::sparse::Sparse;
 use crate::fiber::batch::{BatchProgress, BatchSolver};
-use crate::fiber::equilibrium::{converges_to, equilibrate};
+use crate::fiber::equilibrium::{Stages, converges_to, equilibrate};
 use crate::fiber::law::FiberMaterial;
 use crate::fiber::network::Network;
 use crate::fiber::network::generate::{delaunay, voronoi};
@@ -274,6 +274,51 @@ fn fibers_between_any_nodes_fit_a_batch() {
         let mut random = Random::new(3);
         let increments = [gradients(9, 0.03, &mut random), gradients(9, 0.05, &mut random)];
         assert!(compare(&model, true, &increments) < 9, "most are solved by the batch");
+    }
+}
+
+/// Networks of this size have chord steps if nothing else is asked for: one by one and in lanes the same ones.
+#[test]
+fn chord_steps_are_those_of_single_rves() {
+    let law = Law::Exponential { youngs_modulus: 1.0e7, nonlinearity: 1.2 };
+    let model = model(law, 100);
+    assert!(model.unknowns() >= 256);
+    let params = EquilibriumParams::default();
+    let mut random = Random::new(9);
+    let increments = [gradients(9, 0.05, &mut random), gradients(9, 0.06, &mut random)];
+    let mut workspace = Workspace::new(&(), &model).unwrap();
+    let mut rve = Rve::at_rest(model.network());
+    let report =
+        equilibrate(&model, &mut rve, &increments[0][0], &params, &mut workspace).unwrap().report().newton.clone();
+    assert!(report.kept > 0, "{report:?}");
+    for level in Level::all() {
+        let (name, mut batch) = batches_of(&model, true, level).remove(0);
+        println!("{name}");
+        let left = compare_with(&mut batch, &model, true, &increments, &params, &|alone| alone..=alone);
+        assert!(left < 9, "{left} of 18 were left");
+    }
+}
+
+/// The chord steps of the last iteration that is allowed belong to it, one by one and in lanes.
+#[test]
+fn the_last_iteration_has_its_chord_steps() {
+    let model = model(Law::Exponential { youngs_modulus: 1.0e7, nonlinearity: 1.2 }, 60);
+    let mut params = with_chords(3);
+    let targets = gradients(16, 0.05, &mut Random::new(4));
+    let mut workspace = Workspace::new(&(), &model).unwrap();
+    for most in 1..4 {
+        params.newton.max_iterations = most;
+        params.stages = Stages::of(&[Stage::Newton]);
+        for level in Level::all() {
+            let (name, batch) = batches_of(&model, false, level).remove(0);
+            let mut rves = vec![Rve::at_rest(model.network()); targets.len()];
+            let solved = batch.solve(&mut rves.iter_mut().collect::<Vec<_>>(), &targets, &params);
+            for (target, solved) in targets.iter().zip(solved) {
+                let mut alone = Rve::at_rest(model.network());
+                let alone = equilibrate(&model, &mut alone, target, &params, &mut workspace);
+                assert_eq!(solved.is_some(), alone.is_ok(), "{name}, {most} iterations to {target}");
+            }
+        }
     }
 }
 

@@ -68,7 +68,9 @@ fn near(found: &[f64], expected: &[f64], what: &str) {
 
 /// Solves from these states on the device and one by one, and compares; returns how many the device left.
 fn compare(device: &Device, model: &Model, states: &mut [Rve], targets: &[Matrix3<f64>], predicts: bool) -> usize {
-    let params = EquilibriumParams::default();
+    // The device takes a new factor for each step.
+    let mut params = EquilibriumParams::default();
+    params.chord_steps = Some(0);
     let mut of_device = states.to_vec();
     let mut all: Vec<&mut Rve> = of_device.iter_mut().collect();
     let found = batch_of(device, model, predicts).solve(&mut all, targets, &params).unwrap();

@@ -6,8 +6,13 @@ use std::ptr::NonNull;
 use crate::system::{Contender, System};
 
 unsafe extern "C" {
-    fn cholmod_solver_new(n: c_int, start: *mut c_int, rows: *mut c_int, values: *mut c_double, ordering: c_int)
-    -> *mut c_void;
+    fn cholmod_solver_new(
+        n: c_int,
+        start: *mut c_int,
+        rows: *mut c_int,
+        values: *mut c_double,
+        ordering: c_int,
+    ) -> *mut c_void;
     fn cholmod_solver_factor(b: *mut c_void) -> c_int;
     fn cholmod_solver_solve(b: *mut c_void, columns: c_int, right: *mut c_double, solution: *mut c_double) -> c_int;
     fn cholmod_solver_operations(b: *mut c_void) -> c_double;
@@ -39,8 +44,9 @@ impl Cholmod {
         let n = (start.len() - 1) as c_int;
         // SAFETY: the arrays are those of a lower triangle by columns, and are kept as long as the handle; their heap
         // blocks do not move with the vectors.
-        let handle =
-            unsafe { cholmod_solver_new(n, start.as_mut_ptr(), rows.as_mut_ptr(), values.as_mut_ptr(), ordering as c_int) };
+        let handle = unsafe {
+            cholmod_solver_new(n, start.as_mut_ptr(), rows.as_mut_ptr(), values.as_mut_ptr(), ordering as c_int)
+        };
         let name = match ordering {
             Ordering::Amd => "CHOLMOD, AMD",
             Ordering::Metis => "CHOLMOD, METIS",
@@ -68,7 +74,12 @@ impl Contender for Cholmod {
         assert!(right.len() >= columns * self.unknowns() && solution.len() >= columns * self.unknowns());
         // SAFETY: the handle is alive, and both slices have `columns` columns; the right-hand sides are only read.
         let failed = unsafe {
-            cholmod_solver_solve(self.handle.as_ptr(), columns as c_int, right.as_ptr().cast_mut(), solution.as_mut_ptr())
+            cholmod_solver_solve(
+                self.handle.as_ptr(),
+                columns as c_int,
+                right.as_ptr().cast_mut(),
+                solution.as_mut_ptr(),
+            )
         };
         assert_eq!(failed, 0, "CHOLMOD solves");
     }

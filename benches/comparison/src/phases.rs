@@ -4,14 +4,14 @@ use std::hint::black_box;
 use std::time::Instant;
 
 use biotissue::backends::sparse::Sparse;
-use biotissue::fiber::equilibrium::{EquilibriumParams, equilibrate};
+use biotissue::fiber::equilibrium::equilibrate;
 use biotissue::fiber::rve::Rve;
 use biotissue::fiber::truss::FiberStates;
 use biotissue::fiber::workspace::Workspace;
 use biotissue::las::{Backend, MatrixOps, Solver, SolverParams, Symmetry};
 
 use crate::memory::measured;
-use crate::system::System;
+use crate::system::{System, params};
 
 /// Returns the minimum time of many runs, in ms.
 fn least(mut run: impl FnMut()) -> f64 {
@@ -59,8 +59,7 @@ pub fn print(system: &mut System) {
     let iterations = system.report.iterations;
     let whole = least(|| {
         let mut rve = Rve::at_rest(system.model.network());
-        let params = EquilibriumParams::default();
-        equilibrate(&system.model, &mut rve, &system.target, &params, &mut system.workspace).expect("it did before");
+        equilibrate(&system.model, &mut rve, &system.target, &params(), &mut system.workspace).expect("it did before");
     });
     println!(
         "| equilibrium, {iterations} iterations | {whole:.4} |\n| one iteration of the equilibrium | {:.4} |",
@@ -68,8 +67,7 @@ pub fn print(system: &mut System) {
     );
     let both = least(|| {
         let mut rve = Rve::at_rest(system.model.network());
-        let params = EquilibriumParams::default();
-        let solved = equilibrate(&system.model, &mut rve, &system.target, &params, &mut system.workspace);
+        let solved = equilibrate(&system.model, &mut rve, &system.target, &params(), &mut system.workspace);
         black_box(solved.expect("it did before").tangent().expect("regular"));
     });
     let tangent = both - whole;
@@ -77,5 +75,7 @@ pub fn print(system: &mut System) {
     let (symbolic, analysis) = measured(|| Sparse::<f64>::analyze(&(), &system.pattern, &params).expect("an analysis"));
     let (_solver, factor) = measured(|| Sparse::<f64>::solver(&symbolic).expect("a solver"));
     let (_workspace, workspace) = measured(|| Workspace::new(&(), &system.model).expect("a workspace"));
-    println!("Memory, kB: analysis {analysis:.0}, solver {factor:.0}, workspace including its solver {workspace:.0}.\n");
+    println!(
+        "Memory, kB: analysis {analysis:.0}, solver {factor:.0}, workspace including its solver {workspace:.0}.\n"
+    );
 }

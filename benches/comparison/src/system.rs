@@ -24,6 +24,13 @@ pub trait Contender {
     fn solve(&mut self, columns: usize, right: &[f64], solution: &mut [f64]);
 }
 
+/// The parameters of equilibria: a new factorization for each step, so that all iterations take the same time.
+pub fn params() -> EquilibriumParams {
+    let mut params = EquilibriumParams::default();
+    params.chord_steps = Some(0);
+    params
+}
+
 /// A network in equilibrium and its stiffness.
 pub struct System {
     pub name: String,
@@ -44,7 +51,7 @@ impl System {
     pub fn new(name: &str, model: RveModel<Sparse>, target: Matrix3<f64>) -> Self {
         let mut workspace = Workspace::new(&(), &model).expect("memory");
         let mut rve = Rve::at_rest(model.network());
-        let report = equilibrate(&model, &mut rve, &target, &EquilibriumParams::default(), &mut workspace);
+        let report = equilibrate(&model, &mut rve, &target, &params(), &mut workspace);
         let report = report.expect("the networks of the comparison converge").into_report();
         let pattern = Arc::new(stiffness::pattern(model.network()).expect("few unknowns"));
         let slots = StiffnessSlots::locate(&(), model.truss(), &pattern).expect("the backend cannot fail");

@@ -85,7 +85,8 @@ pub struct BatchParams {
     pub floor: f64,
     /// Most iterations.
     pub max_iterations: u32,
-    /// Most further steps of an iteration with its factor. The kernels for devices take none.
+    /// Most further steps of an iteration with its factor; in mixed precision any number, if not 0. The kernels for devices
+    /// take none.
     pub chord_steps: u32,
     /// Most reductions of the step length.
     pub max_backtracks: u32,

@@ -254,7 +254,7 @@ impl<B: RealBackend> EquilibriumSolver<'_, B> {
     /// Runs Newton from the positions in the workspace.
     fn newton(&mut self, rve: &mut Rve, target: &Matrix3<f64>) -> Staged<B> {
         let (mut problem, system) = Interior::of(self.model, self.workspace);
-        let outcome = system.solve(&mut problem, &self.params.newton_for(self.model.unknowns()));
+        let outcome = system.solve(&mut problem, &self.params.newton_for(self.model.chord_steps()));
         self.accept_if_stable(rve, target, outcome)
     }
 

@@ -104,9 +104,9 @@ pub struct EquilibriumParams {
     /// Parameters of Newton for one increment. Its tolerance, relative to the forces of all nodes, applies to every
     /// stage.
     pub newton: NewtonParams,
-    /// The most further steps that an iteration of Newton takes with its factorization; it replaces
-    /// [`NewtonParams::chord_steps`]. Default `None`: 2 for networks of at least 256 unknowns, where factorizations take
-    /// most of the time, none for smaller ones.
+    /// The most further steps that an iteration of Newton takes with its factorization
+    /// ([`NewtonParams::chord_steps`]). Default `None`: with a direct solver, 3 for networks of at least 256 unknowns,
+    /// whose factorizations take most of the time; otherwise those of `newton`.
     pub chord_steps: Option<usize>,
     /// Maximum number of times that an increment is halved. Default 6.
     pub max_cuts: u32,
@@ -136,13 +136,10 @@ impl Default for RelaxationSwitch {
 }
 
 impl EquilibriumParams {
-    /// Returns the parameters of Newton for a network of this number of unknowns. They must not depend on anything else,
-    /// so that an RVE has the same iterates alone and beside others.
-    pub(crate) fn newton_for(&self, unknowns: usize) -> NewtonParams {
-        /// From here on chord steps were measured to be faster; `docs/kernel.md` has the measurements.
-        const LEAST_UNKNOWNS_OF_CHORDS: usize = 256;
-        let by_size = if unknowns < LEAST_UNKNOWNS_OF_CHORDS { 0 } else { 2 };
-        NewtonParams { chord_steps: self.chord_steps.unwrap_or(by_size), ..self.newton }
+    /// Returns the parameters of Newton for a model with these `RveModel::chord_steps`.
+    pub(crate) fn newton_for(&self, chord_steps: usize) -> NewtonParams {
+        let default = chord_steps.max(self.newton.chord_steps);
+        NewtonParams { chord_steps: self.chord_steps.unwrap_or(default), ..self.newton }
     }
 
     /// Returns these parameters with other stages. Dynamic relaxation hands over to regularized Newton if that is among

@@ -5,15 +5,18 @@
 //! Equations*, SIAM, 1995, section 5.4). It costs a solution and an evaluation of the residual, but no assembly and no
 //! factorization.
 
-use super::{Backend, Evaluation, Iterate, NewtonParams, NewtonReport, NewtonSystem, NonlinearProblem, is_recoverable};
-use crate::las::Scalar;
+use super::{
+    Backend, Evaluation, Iterate, NewtonError, NewtonParams, NewtonReport, NewtonSystem, NonlinearProblem,
+    is_recoverable,
+};
+use crate::las::{Scalar, SolveError};
 
 /// The share of the residual to which a step must reduce it so that its factorization serves the next one.
 pub(crate) const CHORD_SHARE: f64 = 0.1;
 
 impl<B: Backend<Reduced: Scalar>> NewtonSystem<B> {
-    /// Takes up to [`NewtonParams::chord_steps`] steps from an iterate, to which a step from a residual norm of `before`
-    /// led. A step that does not reduce the residual is taken back.
+    /// Takes up to [`NewtonParams::chord_steps`] steps from `iterate`; `before` is the residual norm before the step that
+    /// led there. A step that does not reduce the residual is taken back.
     pub(super) fn take_chord_steps<P: NonlinearProblem<B>>(
         &mut self,
         problem: &mut P,
@@ -28,7 +31,11 @@ impl<B: Backend<Reduced: Scalar>> NewtonSystem<B> {
             if !pays || iterate.norm <= limit {
                 break;
             }
-            self.reuse_factorization(problem, report)?;
+            match self.reuse_factorization(problem, report) {
+                // A new factorization may serve where this one does not.
+                Err(NewtonError::Solve(error)) if !matches!(error, SolveError::Backend(_)) => break,
+                outcome => outcome?,
+            }
             let work = self.work(params)?;
             self.advance(problem, -1.0)?;
             match self.evaluate(problem, report) {

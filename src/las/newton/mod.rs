@@ -4,8 +4,9 @@
 //! with the step length `a` of a backtracking line search (J. Nocedal and S. J. Wright, *Numerical Optimization*, 2nd
 //! ed., 2006, section 11.2; J. E. Dennis and R. B. Schnabel, *Numerical Methods for Unconstrained Optimization and
 //! Nonlinear Equations*, 1996, chapter 6). It stops when `|r| <= max(tolerance * scale, floor)`, with the scale and the
-//! floor of [`ResidualScale`] and Euclidean norms, and if [`NewtonParams`] asks for it, only after a small step. Scalar
-//! constraints of the problem border the linear system ([`Border`]).
+//! floor of [`ResidualScale`] and Euclidean norms, and if [`NewtonParams`] asks for it, only after a small step. An
+//! iteration may take further steps with its factorization ([`NewtonParams::chord_steps`]). Scalar constraints of the
+//! problem border the linear system ([`Border`]).
 
 mod border;
 mod chord;

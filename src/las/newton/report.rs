@@ -93,7 +93,7 @@ pub struct NewtonReport {
     pub kept: usize,
     /// Total number of iterations of the iterative solver.
     pub linear_iterations: usize,
-    /// The solution of the linear system of each iteration; empty for a direct solver.
+    /// The solution of the linear system of each step; empty for a direct solver.
     pub linear_solves: Vec<SolveReport>,
     /// Number of systems that the iterative solver did not solve and a direct one did.
     pub fallbacks: usize,

@@ -159,8 +159,8 @@ fn for_each_model<B: RealBackend>(
     Ok(done)
 }
 
-/// Divides the time of all batches, which ran side by side, among the RVEs whose own time is not known: each evaluates its
-/// forces once more than it has iterations.
+/// Divides the time of all batches, which ran side by side, among the RVEs whose own time is not known: each takes one
+/// factorization more than it has iterations.
 fn share_seconds(seconds: f64, done: &mut Done) {
     let work = |stats: &RveStats| (1 + stats.iterations) as f64;
     let is_unknown = |stats: &RveStats| stats.seconds == 0.0;

@@ -26,12 +26,12 @@ pub(super) struct Arrays<'a, S: Double> {
     pub diagonal: &'a mut [S::Stored],
     /// Nine of each block of the factor below the diagonal, and of a last block of zeros.
     pub lower: &'a mut [S::Stored],
-    /// Three of each interior node: the residual, then the direction.
+    /// Three of each interior node: the residual, then the direction, and at the end the positions, lane after lane.
     pub direction: &'a mut [S::Stored],
     /// Eighteen of each interior node: the sensitivities to the six strains.
     pub modes: &'a mut [S::Stored],
-    /// Eighteen of each interior node: the sensitivities of the forces. Until the end, a factor of single precision may
-    /// be here.
+    /// Eighteen of each interior node: the sensitivities of the forces. A factor of single precision may be here before, and
+    /// the sensitivities of the positions, lane after lane, after them.
     pub loads: &'a mut [S::Stored],
 }
 

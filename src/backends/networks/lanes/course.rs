@@ -37,13 +37,14 @@ pub(super) struct Course {
 /// What a lane knows of its last factor.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Reuse {
-    /// The most further steps with a factor, and those with the last one.
+    /// The most further steps with a factor, and those taken with the last one.
     most: u32,
     taken: u32,
     /// Whether it serves further steps.
     pub(super) has_factor: bool,
-    /// Whether the last step reduced the residual to [`CHORD_SHARE`], so that the next one takes the same factor. Also true
-    /// before the first step, whose direction need not be exact either.
+    /// Whether the next step takes it, if there is one: the last step reduced the residual to [`CHORD_SHARE`], and there
+    /// are steps left. Also true before the first step, whose direction need not be exact in mixed precision if further
+    /// ones may follow.
     pub(super) pays: bool,
     /// Whether the step that is searched takes the factor of an earlier iterate.
     is_chord: bool,
@@ -121,7 +122,8 @@ impl Course {
     /// Decides, before the factorization, whether the lane ends.
     pub(super) fn check(&mut self, params: &BatchParams, continues: bool) {
         let converged = self.has_converged(params, continues);
-        if !converged && self.iterations == params.max_iterations {
+        // The steps with the last factor belong to the last iteration.
+        if !converged && !self.takes_chord() && self.iterations == params.max_iterations {
             self.status = Some(if continues { Status::Inconclusive } else { Status::TooManyIterations });
         } else if converged {
             let is_bearable = self.largest < params.excessive_force;

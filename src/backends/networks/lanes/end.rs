@@ -33,6 +33,11 @@ impl LaneEnd<'_> {
     }
 }
 
+/// Returns true if the network has an equilibrium.
+fn has_state(numbers: &[f64; RESULT_LEN]) -> bool {
+    numbers[STATUS] == Status::Converged as usize as f64
+}
+
 /// Calls `read` with the outcomes of these lanes.
 pub(super) fn read_ends<'a, S: Double>(
     simd: S,
@@ -48,8 +53,10 @@ pub(super) fn read_ends<'a, S: Double>(
     let (states, sensitivities) = (numbers_of_mut::<S>(direction), numbers_of_mut::<S>(loads));
     let states: &mut [[f64; 3]] = bytemuck::cast_slice_mut(states);
     let (sensitivities, _) = bytemuck::cast_slice_mut(sensitivities).as_chunks_mut::<{ 3 * MODES }>();
-    simd.vectorize(ReadStates { network, positions, modes, states, sensitivities, wants_tangent });
-    let has_state = |numbers: &[f64; RESULT_LEN]| numbers[STATUS] == Status::Converged as usize as f64;
+    let ended: Vec<_> = ended.collect();
+    if ended.iter().any(|(_, numbers)| has_state(numbers)) {
+        simd.vectorize(ReadStates { network, positions, modes, states, sensitivities, wants_tangent });
+    }
     for (lane, numbers) in ended {
         let of_lane = lane * interior..(lane + 1) * interior;
         let none = 0..0;
@@ -92,12 +99,12 @@ pub(super) fn condense<S: Double, const C: usize>(
     stress.into_iter().enumerate().for_each(|(k, stress)| write(STRESS + k, stress));
     let mut counts = [0.0; MOST_LANES];
     for (counts, numbers) in counts.iter_mut().zip(&*results) {
-        *counts = f64::from(u8::from(numbers[STATUS] == Status::Converged as usize as f64));
+        *counts = f64::from(u8::from(has_state(numbers)));
     }
     let counts = Lanes::of_numbers(simd, &counts);
     let energy = simd.vectorize(Energy { network, arrays, counts });
     results.iter_mut().zip(energy.numbers()).for_each(|(numbers, energy)| numbers[ENERGY] = energy);
-    for numbers in results.iter_mut().filter(|numbers| numbers[STATUS] == Status::Converged as usize as f64) {
+    for numbers in results.iter_mut().filter(|numbers| has_state(numbers)) {
         let is_accurate = numbers[IMBALANCE] <= ACCURATE;
         if !is_accurate {
             numbers[STATUS] = Status::InaccurateTangent as usize as f64;

@@ -124,7 +124,8 @@ fn tile_of(level: Level) -> TileShape {
     }
 }
 
-/// The networks that are solved at the same time, one in each lane.
+/// The networks that are solved at the same time, one in each lane. Its functions run while the memory of the thread is in
+/// use, and must not solve another group.
 pub trait LaneGroup {
     /// Their number, at most [`NetworkLanes::lanes`].
     fn networks(&self) -> usize;
@@ -164,8 +165,9 @@ impl NetworkLanes {
     }
 
     /// Uses factors of single precision for the directions of Newton's method, with residuals of double precision; the
-    /// factor that shows that an equilibrium is stable, and serves its tangent, keeps double precision. If factors serve
-    /// further steps ([`BatchParams::chord_steps`]), their number is not limited. Changes nothing if these instructions are no faster with single precision.
+    /// factor that shows that an equilibrium is stable, and serves its tangent, keeps double precision. Directions are
+    /// then less accurate and cost less, so that any positive [`BatchParams::chord_steps`] means any number of them.
+    /// Changes nothing if these instructions are no faster with single precision.
     pub fn use_single_precision(&mut self) {
         self.has_single = match self.level {
             #[cfg(any(test, not(target_arch = "x86_64")))]
@@ -209,9 +211,8 @@ impl NetworkLanes {
     /// Finds the equilibria of a group of networks, and passes their outcomes to [`LaneGroup::end`], in ascending order.
     /// Adds to `times`, if given, what each phase takes.
     ///
-    /// With `may_pause`, once most are in equilibrium, the others pause: `read` is not
-    /// called for them, but they are returned with their indices, to be solved in another call ([`LaneStart::paused`]),
-    /// with the same results.
+    /// With `may_pause`, once most are in equilibrium, the others pause. They do not end, but are returned with their lanes,
+    /// to be solved in another call ([`LaneStart::paused`]), with the same results.
     ///
     /// # Panics
     /// Panics if there are more networks than lanes, if one has another number of interior nodes, or if
@@ -293,7 +294,6 @@ impl NetworkLanes {
     ) -> Vec<(usize, Paused)> {
         let Self { network, has_single, .. } = self;
         let has_single = *has_single;
-        // Directions that are not accurate need more steps, which cost less.
         let chord_steps = if has_single && params.chord_steps > 0 { u32::MAX } else { params.chord_steps };
         with_arrays(network, has_single, |arrays| {
             let courses_so_far: Vec<Option<Course>> = {

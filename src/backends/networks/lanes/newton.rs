@@ -72,7 +72,8 @@ impl<S: Double> Newton<'_, '_, '_, S> {
     pub fn run<const C: usize>(mut self, paused: &[Option<Course>]) -> Vec<Course> {
         let mut courses = self.begin(paused);
         while self.check(&mut courses, false) {
-            // Lanes in equilibrium wait for the others, because only their last factor must have double precision.
+            // Lanes in equilibrium wait for the others: a factor overwrites those that serve further steps, and in mixed
+            // precision, only the last one must have double precision.
             let searches = |course: &Course| course.runs() && !course.has_converged(self.params, false);
             if courses.iter().any(|course| searches(course) && course.takes_chord()) {
                 self.chord_direction::<C>(&mut courses);
@@ -141,8 +142,8 @@ impl<S: Double> Newton<'_, '_, '_, S> {
         courses.iter().any(Course::runs)
     }
 
-    /// Factors the stiffness, ends the lanes in equilibrium, and computes the directions of the others. At an equilibrium,
-    /// the factor shows that it is stable, and serves the tangent.
+    /// Factors the stiffness, ends the lanes in equilibrium, and computes the directions of the others, unless only those in
+    /// equilibrium take part. At an equilibrium, the factor shows that it is stable, and serves the tangent.
     fn direction<const C: usize>(&mut self, courses: &mut [Course], continues: bool, only_converged: bool) {
         let Self { simd, network, params, .. } = *self;
         let pivots = simd.vectorize(self.arrays.factor::<C>(network));

@@ -11,7 +11,8 @@ use super::simd::{Double, numbers_of, numbers_of_mut};
 use crate::backends::networks::Status;
 
 /// The share of lanes in equilibrium, in eighths, from which it pays that the others pause: no lane then repeats an
-/// iteration, but those that pause have no tangent to compute. `docs/kernel.md` has the measurements.
+/// iteration, but those that pause have no tangent to compute and, if factors serve further steps, leave theirs behind.
+/// `docs/kernel.md` has the measurements.
 const LEAST_EIGHTHS: usize = 5;
 
 /// A network between two groups.

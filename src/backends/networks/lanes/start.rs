@@ -117,6 +117,8 @@ impl<S: Double> Kernel<S> for WriteInterior<'_, S> {
     fn run(self, simd: S) {
         let Self { network, starts, positions } = self;
         let increments: Vec<Increment> = starts.iter().map(|start| Increment::new(start)).collect();
+        let sensitivities_of: Vec<_> =
+            starts.iter().map(|start| start.sensitivities.filter(|_| start.moves())).collect();
         let (mut gradient, mut rotation) = ([Lanes::splat(simd, 0.0); 9], [Lanes::splat(simd, 0.0); 9]);
         for k in 0..9 {
             let entry = (k / 3, k % 3);
@@ -130,11 +132,10 @@ impl<S: Double> Kernel<S> for WriteInterior<'_, S> {
         // The numbers of a node in all lanes: the position, and the sensitivities.
         let mut state = [<S::Stored as bytemuck::Zeroable>::zeroed(); 3];
         let mut sensitivities = [<S::Stored as bytemuck::Zeroable>::zeroed(); 3 * MODES];
-        for (place, &node) in network.order.iter().enumerate() {
-            let node = node as usize;
+        for (node, &place) in network.places.iter().enumerate() {
             for (lane, start) in starts.iter().enumerate() {
                 write_lane::<S>(&start.positions[node], &mut state, lane);
-                if let Some(of_lane) = start.sensitivities.filter(|_| start.moves()) {
+                if let Some(of_lane) = sensitivities_of[lane] {
                     write_lane::<S>(&of_lane[node], &mut sensitivities, lane);
                 }
             }
@@ -150,7 +151,7 @@ impl<S: Double> Kernel<S> for WriteInterior<'_, S> {
             for p in 0..3 {
                 moved[p] = row_times(&gradient, p, &x) + row_times(&rotation, p, &correction);
             }
-            store(&moved, positions, place);
+            store(&moved, positions, place as usize);
         }
     }
 }
