@@ -43,9 +43,9 @@ pub fn print(system: &mut System) {
         system.slots.assemble(truss, black_box(&states), &mut diagonal, &mut system.stiffness).expect("it cannot fail");
     });
     println!("| assembly | {assemble:.4} |");
-    let params = SolverParams::new(Symmetry::Definite);
+    let solver_params = SolverParams::new(Symmetry::Definite);
     let mut symbolic = None;
-    let analysis = least(|| symbolic = Sparse::<f64>::analyze(&(), &system.pattern, &params).ok());
+    let analysis = least(|| symbolic = Sparse::<f64>::analyze(&(), &system.pattern, &solver_params).ok());
     let mut solver = Sparse::<f64>::solver(&symbolic.expect("an analysis")).expect("a solver");
     let factor = least(|| {
         solver.factor(black_box(&system.stiffness)).expect("definite");
@@ -72,7 +72,8 @@ pub fn print(system: &mut System) {
     });
     let tangent = both - whole;
     println!("| equilibrium and tangent | {both:.4} |\n| tangent alone | {tangent:.4} |\n");
-    let (symbolic, analysis) = measured(|| Sparse::<f64>::analyze(&(), &system.pattern, &params).expect("an analysis"));
+    let (symbolic, analysis) =
+        measured(|| Sparse::<f64>::analyze(&(), &system.pattern, &solver_params).expect("an analysis"));
     let (_solver, factor) = measured(|| Sparse::<f64>::solver(&symbolic).expect("a solver"));
     let (_workspace, workspace) = measured(|| Workspace::new(&(), &system.model).expect("a workspace"));
     println!(
