@@ -30,8 +30,8 @@ pub(super) struct Arrays<'a, S: Double> {
     pub direction: &'a mut [S::Stored],
     /// Eighteen of each interior node: the sensitivities to the six strains.
     pub modes: &'a mut [S::Stored],
-    /// Eighteen of each interior node: the sensitivities of the forces. A factor of single precision may be here before, and
-    /// the sensitivities of the positions, lane after lane, after them.
+    /// Eighteen of each interior node: the sensitivities of the forces. A factor of single precision may be here before
+    /// them, and the sensitivities of the positions, lane after lane, after them.
     pub loads: &'a mut [S::Stored],
 }
 

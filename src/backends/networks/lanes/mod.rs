@@ -124,8 +124,8 @@ fn tile_of(level: Level) -> TileShape {
     }
 }
 
-/// The networks that are solved at the same time, one in each lane. Its functions run while the memory of the thread is in
-/// use, and must not solve another group.
+/// The networks that are solved at the same time, one in each lane. The functions run while the memory of the thread is
+/// in use, and must not solve another group.
 pub trait LaneGroup {
     /// Their number, at most [`NetworkLanes::lanes`].
     fn networks(&self) -> usize;
@@ -211,8 +211,8 @@ impl NetworkLanes {
     /// Finds the equilibria of a group of networks, and passes their outcomes to [`LaneGroup::end`], in ascending order.
     /// Adds to `times`, if given, what each phase takes.
     ///
-    /// With `may_pause`, once most are in equilibrium, the others pause. They do not end, but are returned with their lanes,
-    /// to be solved in another call ([`LaneStart::paused`]), with the same results.
+    /// With `may_pause`, once most are in equilibrium, the others pause. They do not end, but are returned with their
+    /// lanes, to be solved in another call ([`LaneStart::paused`]), with the same results.
     ///
     /// # Panics
     /// Panics if there are more networks than lanes, if one has another number of interior nodes, or if

@@ -142,8 +142,8 @@ impl<S: Double> Newton<'_, '_, '_, S> {
         courses.iter().any(Course::runs)
     }
 
-    /// Factors the stiffness, ends the lanes in equilibrium, and computes the directions of the others, unless only those in
-    /// equilibrium take part. At an equilibrium, the factor shows that it is stable, and serves the tangent.
+    /// Factors the stiffness, ends the lanes in equilibrium, and computes the directions of the others, unless only those
+    /// in equilibrium take part. At an equilibrium, the factor shows that it is stable, and serves the tangent.
     fn direction<const C: usize>(&mut self, courses: &mut [Course], continues: bool, only_converged: bool) {
         let Self { simd, network, params, .. } = *self;
         let pivots = simd.vectorize(self.arrays.factor::<C>(network));

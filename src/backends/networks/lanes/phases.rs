@@ -9,8 +9,8 @@ pub enum Phase {
     Start,
     /// Forces and stiffness of the fibers, and their sums at the nodes.
     Forces,
-    /// Factorization of the stiffness, with the forward substitution of the residual, and directions by earlier factors; in
-    /// mixed precision, also the backward substitution and the corrections of the direction.
+    /// Factorization of the stiffness, with the forward substitution of the residual, and directions by earlier factors;
+    /// in mixed precision, also the backward substitution and the corrections of the direction.
     Factor,
     /// Backward substitution, line search without its forces, and decisions.
     Step,

@@ -78,7 +78,8 @@ fn rotation_of(mut matrix: Matrix3<f64>) -> Matrix3<f64> {
     matrix
 }
 
-/// Writes the positions of networks at their starts, or where they paused; lanes without a network are copies of the first one.
+/// Writes the positions of networks at their starts, or where they paused; lanes without a network are copies of the
+/// first one.
 pub(super) fn write_starts<S: Double>(
     simd: S,
     network: &Network,
