@@ -58,7 +58,6 @@ pub use block_slots::BlockSlots;
 /// Casts between plain data and bytes, for [`payload!`](crate::payload).
 pub use bytemuck;
 pub use comm::{Comm, CommError, Disagreement, Layout, Message, Payload, ReceiveRequest, SendRequest, Tag};
-pub(crate) use newton::CHORD_SHARE;
 pub use newton::{
     Border, Curvature, Forcing, NewtonError, NewtonFailure, NewtonParams, NewtonReport, NewtonSeconds, NewtonSystem,
     NonlinearProblem, Potential, RegularizedParams, ResidualScale, SaddleExit,

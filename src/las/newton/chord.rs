@@ -11,9 +11,6 @@ use super::{
 };
 use crate::las::{Scalar, SolveError};
 
-/// The share of the residual to which a step must reduce it so that its factorization serves the next one.
-pub(crate) const CHORD_SHARE: f64 = 0.1;
-
 impl<B: Backend<Reduced: Scalar>> NewtonSystem<B> {
     /// Takes up to [`NewtonParams::chord_steps`] steps from `iterate`; `before` is the residual norm before the step that
     /// led there. A step that does not reduce the residual is taken back.
@@ -27,7 +24,7 @@ impl<B: Backend<Reduced: Scalar>> NewtonSystem<B> {
     ) -> Evaluation<B, P> {
         for _ in 0..params.chord_steps {
             let limit = iterate.residual_scale.limit(params.tolerance);
-            let pays = iterate.step == 1.0 && iterate.norm <= CHORD_SHARE * before;
+            let pays = iterate.step == 1.0 && iterate.norm <= NewtonParams::CHORD_SHARE * before;
             if !pays || iterate.norm <= limit {
                 break;
             }

@@ -23,7 +23,6 @@ use std::sync::Arc;
 use std::time::Instant;
 
 pub use border::Border;
-pub(crate) use chord::CHORD_SHARE;
 pub use curvature::{Curvature, SaddleExit};
 pub use forcing::Forcing;
 pub use minimize::{Potential, RegularizedParams};

@@ -40,11 +40,14 @@ pub struct NewtonParams {
     /// of a new one. Default false.
     pub reuse_factorization: bool,
     /// The most further steps that an iteration takes with its factorization (chord steps), as long as the last step had
-    /// the full length and left at most a tenth of the residual. Default 0.
+    /// the full length and reduced the residual to [`NewtonParams::CHORD_SHARE`]. Default 0.
     pub chord_steps: usize,
 }
 
 impl NewtonParams {
+    /// The share of the residual to which a step must reduce it so that its factorization serves the next one.
+    pub const CHORD_SHARE: f64 = 0.1;
+
     /// Returns true if a small residual alone is not enough.
     pub(super) fn has_step_criteria(&self) -> bool {
         self.step_tolerance.is_some() || self.energy_tolerance.is_some()

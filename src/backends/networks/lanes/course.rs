@@ -3,7 +3,7 @@
 use super::forces::Forces;
 use super::simd::{Double, MOST_LANES};
 use crate::backends::networks::{BatchParams, Status};
-use crate::las::CHORD_SHARE;
+use crate::las::NewtonParams;
 
 /// The pivot ratio below which a matrix counts as singular up to rounding.
 const SINGULAR: f64 = 1e-12;
@@ -42,7 +42,7 @@ pub(super) struct Reuse {
     taken: u32,
     /// Whether it serves further steps.
     pub(super) has_factor: bool,
-    /// Whether the next step takes it, if there is one: the last step reduced the residual to [`CHORD_SHARE`], and there
+    /// Whether the next step takes it, if there is one: the last step reduced the residual to [`NewtonParams::CHORD_SHARE`], and there
     /// are steps left. Also true before the first step, whose direction need not be exact in mixed precision if further
     /// ones may follow.
     pub(super) pays: bool,
@@ -205,7 +205,7 @@ impl Course {
         if found.is_finite() && (found.residual <= allowed || takes_any) {
             (self.residual, self.scale, self.largest) = (found.residual, found.scale, found.largest);
             self.search.rejected = None;
-            self.reuse.pays = taken < most && step == 1.0 && found.residual <= CHORD_SHARE * residual;
+            self.reuse.pays = taken < most && step == 1.0 && found.residual <= NewtonParams::CHORD_SHARE * residual;
         } else if is_back {
             self.status = Some(Status::LineSearch);
         } else if is_chord {
