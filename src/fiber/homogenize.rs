@@ -29,9 +29,9 @@
 //!
 //! Nine increments `dF = D F` span all `dF`. For the six symmetric unit increments `D = S_k`, the *strain modes*, the
 //! boundary moves with `v_b = S_k x_b`; they need the solves of step 1. For the three skew ones, `D = W`, the network
-//! rotates rigidly: `P(R F) = R P(F)` gives `A : (W F) = W P` without a solve. The form
-//! `D_k F : A : D_l F` is then known for all pairs of them, hence for those of the unit entries of `D`, which are sums of
-//! two of them, and with `D = dF F^-1` for those of `dF`: the components of `A`.
+//! rotates rigidly: `P(R F) = R P(F)` gives `A : (W F) = W P` without a solve. The form `D_k F : A : D_l F` is then known
+//! for all pairs of these increments, hence for the unit entries of `D`, each a sum of two of them, and with
+//! `D = dF F^-1` for those of `dF`: the components of `A`.
 //!
 //! The public interface is [`EquilibriumState`](super::equilibrium::EquilibriumState), which
 //! [`super::equilibrium::equilibrate`] returns; the functions here read the workspace that it borrows.
