@@ -137,8 +137,8 @@ impl<'a> NetworkResult<'a> {
         self.values[ENERGY]
     }
 
-    /// Norm of the force sensitivities at interior nodes, which should vanish, over that at all nodes; in lanes, of
-    /// boundary nodes those of each connection alone count.
+    /// Norm of the force sensitivities at interior nodes, which should vanish, over that at all nodes; in lanes, those to
+    /// one strain, and of boundary nodes those of each connection alone count.
     pub fn imbalance(&self) -> f64 {
         self.values[IMBALANCE]
     }

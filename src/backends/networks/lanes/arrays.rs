@@ -30,8 +30,9 @@ pub(super) struct Arrays<'a, S: Double> {
     pub direction: &'a mut [S::Stored],
     /// Eighteen of each interior node: the sensitivities to the six strains.
     pub modes: &'a mut [S::Stored],
-    /// Eighteen of each interior node: the sensitivities of the forces. A factor of single precision may be here before
-    /// them, and the sensitivities of the positions, lane after lane, after them.
+    /// Nine of each interior node, and memory for different things, one after the other: a factor of single precision, if
+    /// there is one; the sensitivities of the forces to a strain; those of the positions, in single precision, lane after
+    /// lane.
     pub loads: &'a mut [S::Stored],
 }
 
@@ -62,6 +63,9 @@ thread_local! {
     static MEMORY: RefCell<Vec<Entry>> = const { RefCell::new(Vec::new()) };
 }
 
+/// The numbers of the size of `f64` that hold the sensitivities of a node in single precision.
+const SENSITIVITIES: usize = 3 * MODES * size_of::<f32>() / size_of::<f64>();
+
 /// The numbers of entries of the arrays of a network. A number of single precision takes `single_bytes` of a lane; 0 if
 /// there are none.
 fn lengths(network: &Network, single_bytes: usize) -> [usize; 10] {
@@ -78,7 +82,7 @@ fn lengths(network: &Network, single_bytes: usize) -> [usize; 10] {
         9 * (blocks + 1),
         3 * interior,
         3 * MODES * interior,
-        single.max(3 * MODES * interior),
+        single.max(SENSITIVITIES * interior),
     ]
 }
 

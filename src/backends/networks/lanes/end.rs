@@ -2,11 +2,13 @@
 
 use super::arrays::Arrays;
 use super::blocks::Node;
+use super::check::CheckModes;
 use super::course::Course;
 use super::forces::EvaluateEnds;
 use super::network::Network;
+use super::response::{Energy, Stress};
 use super::simd::{Double, Kernel, Lanes, MOST_LANES, load, numbers_of, numbers_of_mut, store};
-use super::tangent::{ComputeProducts, Energy, SolveModes, Stress, strain};
+use super::tangent::{SolveModes, strain};
 use crate::backends::networks::result::{
     BACKTRACKS, ENERGY, FORM, IMBALANCE, ITERATIONS, PIVOT_RATIO, RESIDUAL, SCALE, STATUS, STRESS,
 };
@@ -14,6 +16,8 @@ use crate::backends::networks::{MODES, NetworkResult, RESULT_LEN, Status};
 
 /// Interior force sensitivities, relative to all of them, at which the sensitivities are accurate.
 const ACCURATE: f64 = 1e-8;
+/// The largest error of the condensed stiffness, relative to that if all nodes followed the strain.
+const STIFFNESS_ERROR: f64 = 1e-11;
 
 /// The outcome of a network, with its new state if it is in equilibrium.
 #[derive(Debug)]
@@ -88,12 +92,14 @@ pub(super) fn condense<S: Double, const C: usize>(
     let mut write = |at: usize, lanes: Lanes<S>| {
         results.iter_mut().zip(lanes.numbers()).for_each(|(numbers, value)| numbers[at] = value);
     };
+    let mut of_stiffness = [0.0; MOST_LANES];
     simd.vectorize(EvaluateEnds { network, arrays });
     if wants_tangent {
-        simd.vectorize(SolveModes::<S, C> { network, arrays });
-        let products = simd.vectorize(ComputeProducts { network, arrays });
-        products.form.as_flattened().iter().enumerate().for_each(|(k, &product)| write(FORM + k, product));
-        write(IMBALANCE, products.imbalance);
+        let condensed = simd.vectorize(SolveModes::<S, C> { network, arrays });
+        condensed.form.as_flattened().iter().enumerate().for_each(|(k, &product)| write(FORM + k, product));
+        let errors = simd.vectorize(CheckModes { network, arrays, condensed: &condensed });
+        write(IMBALANCE, errors.imbalance);
+        of_stiffness = errors.of_stiffness.numbers();
     }
     let stress = simd.vectorize(Stress { network, arrays });
     stress.into_iter().enumerate().for_each(|(k, stress)| write(STRESS + k, stress));
@@ -104,8 +110,8 @@ pub(super) fn condense<S: Double, const C: usize>(
     let counts = Lanes::of_numbers(simd, &counts);
     let energy = simd.vectorize(Energy { network, arrays, counts });
     results.iter_mut().zip(energy.numbers()).for_each(|(numbers, energy)| numbers[ENERGY] = energy);
-    for numbers in results.iter_mut().filter(|numbers| has_state(numbers)) {
-        let is_accurate = numbers[IMBALANCE] <= ACCURATE;
+    for (numbers, of_stiffness) in results.iter_mut().zip(of_stiffness).filter(|(numbers, _)| has_state(numbers)) {
+        let is_accurate = numbers[IMBALANCE] <= ACCURATE && of_stiffness <= STIFFNESS_ERROR;
         if !is_accurate {
             numbers[STATUS] = Status::InaccurateTangent as usize as f64;
         }

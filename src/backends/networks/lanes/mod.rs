@@ -13,6 +13,7 @@
 
 mod arrays;
 mod blocks;
+mod check;
 #[cfg(feature = "batched")]
 mod cholesky;
 mod course;
@@ -28,10 +29,13 @@ mod phases;
 // On x86-64 it only serves the tests: its kernels take as long to compile as those of AVX2.
 #[cfg(any(test, not(target_arch = "x86_64")))]
 mod portable;
+mod response;
 mod simd;
 mod single;
 mod start;
 mod tangent;
+#[cfg(test)]
+mod test_network;
 mod triangular;
 #[cfg(target_arch = "x86_64")]
 mod x86;

@@ -247,7 +247,7 @@ pub(super) fn numbers_of_mut<S: Double>(stored: &mut [S::Stored]) -> &mut [f64] 
 #[inline(always)]
 pub(super) fn load<S: Simd, const N: usize>(simd: S, from: &[S::Stored], at: usize) -> [Lanes<S>; N] {
     let mut block = [Lanes::splat(simd, 0.0); N];
-    let from = &from[N * at..][..N];
+    let from = &from.as_chunks::<N>().0[at];
     for k in 0..N {
         block[k] = Lanes::load(simd, &from[k]);
     }
@@ -257,7 +257,7 @@ pub(super) fn load<S: Simd, const N: usize>(simd: S, from: &[S::Stored], at: usi
 /// Stores block `at` of an array of blocks of `N` entries.
 #[inline(always)]
 pub(super) fn store<S: Simd, const N: usize>(block: &[Lanes<S>; N], to: &mut [S::Stored], at: usize) {
-    let to = &mut to[N * at..][..N];
+    let to = &mut to.as_chunks_mut::<N>().0[at];
     for k in 0..N {
         block[k].store(&mut to[k]);
     }

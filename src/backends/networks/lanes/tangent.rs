@@ -1,15 +1,30 @@
-//! Stress, energy, and the sensitivities for the tangent.
+//! The condensed stiffness for the tangent.
+//!
+//! With the stiffness `K_f` and the vector `d` of each fiber `f`, the strains `E_k`, the forces `B_k` at the interior nodes
+//! when all nodes follow a strain, and the factor `L` of the interior stiffness, the condensed stiffness is
+//!
+//! ```text
+//! C_kl = A_kl - (L^-1 B_k) . (L^-1 B_l),    A_kl = sum_f (E_k d) . K_f (E_l d)
+//! ```
+//!
+//! A factor that solves `(K + e) x = b` changes it by `V_k . e V_l` with the solutions `V = K^-1 B`, which is as accurate
+//! as the products `v_k . K v_l` of all sensitivities that `fiber::homogenize` takes. [`CheckModes`](super::check::CheckModes) compares
+//! both for one strain.
 
 use super::arrays::Arrays;
-use super::blocks::{Block, Node, Triangle, multiply_symmetric};
-use super::forces::{EndStiffness, add_to, stretch_of, subtract_from, vector, vector_and_length};
+use super::blocks::{Block, Node, Triangle};
+use super::forces::{EndStiffness, add_to, subtract_from, vector};
 use super::network::Network;
-use super::simd::{Double, Kernel, Lanes, load, numbers_of_mut, store};
+use super::response::boundary_force;
+use super::simd::{Double, Kernel, Lanes, load, store};
 use super::triangular::{backward, forward};
 use crate::backends::networks::MODES;
 
 /// Right-hand sides that are solved at the same time.
 const AT_ONCE: usize = 3;
+
+/// Where the lower triangle of a symmetric block has the entries of each of its columns.
+const COLUMNS: [[usize; 3]; 3] = [[0, 1, 3], [1, 2, 4], [3, 4, 5]];
 
 /// Applies the `k`-th unit strain, in the order 11, 22, 33, 23, 13, 12.
 #[inline(always)]
@@ -25,53 +40,91 @@ pub(super) fn strain<S: Double>(k: usize, x: &Node<S>) -> Node<S> {
     }
 }
 
-/// Applies the `w`-th unit rotation.
+/// Multiplies a symmetric block, given by its lower triangle, by a vector after the `k`-th unit strain, without the
+/// zeros of this.
 #[inline(always)]
-fn spin<S: Double>(w: usize, x: &Node<S>) -> Node<S> {
-    let zero = Lanes::splat(x[0].0, 0.0);
-    match w {
-        0 => [zero, -x[2], x[1]],
-        1 => [x[2], zero, -x[0]],
-        _ => [-x[1], x[0], zero],
+fn multiply_strained<S: Double>(block: &Triangle<S>, k: usize, d: &Node<S>) -> Node<S> {
+    if k < 3 {
+        let [x, y, z] = COLUMNS[k];
+        return [block[x] * d[k], block[y] * d[k], block[z] * d[k]];
+    }
+    let (p, q) = [(1, 2), (0, 2), (0, 1)][k - 3];
+    let ([xp, yp, zp], [xq, yq, zq]) = (COLUMNS[p], COLUMNS[q]);
+    [
+        block[xp].mul_add(d[q], block[xq] * d[p]),
+        block[yp].mul_add(d[q], block[yq] * d[p]),
+        block[zp].mul_add(d[q], block[zq] * d[p]),
+    ]
+}
+
+/// Adds the product of a vector after the `k`-th unit strain with another.
+#[inline(always)]
+fn add_strained_product<S: Double>(sum: &mut Lanes<S>, k: usize, d: &Node<S>, q: &Node<S>) {
+    match k {
+        0..3 => sum.add_product(d[k], q[k]),
+        3 => sum.add_product(d[2], q[1]),
+        4 => sum.add_product(d[2], q[0]),
+        _ => sum.add_product(d[1], q[0]),
+    }
+    match k {
+        3 => sum.add_product(d[1], q[2]),
+        4 => sum.add_product(d[0], q[2]),
+        5 => sum.add_product(d[0], q[1]),
+        _ => {}
     }
 }
 
-/// Computes the sensitivities of interior nodes to the six strains into `modes`; requires the factor of the stiffness,
-/// the stiffness of the connections, and that of the end fibers.
+/// Adds the product of a vector after the `w`-th unit rotation with another.
+#[inline(always)]
+fn add_rotated_product<S: Double>(sum: &mut Lanes<S>, w: usize, t: &Node<S>, u: &Node<S>) {
+    let (i, j) = [(2, 1), (0, 2), (1, 0)][w];
+    sum.add_product(t[j], u[i]);
+    sum.subtract_product(t[i], u[j]);
+}
+
+/// The condensed stiffness of a group of networks.
+pub(super) struct Condensed<S: Double> {
+    /// The products of the sensitivities of all positions to six strains and three rotations (rows) with those of the
+    /// forces to six strains.
+    pub form: [[Lanes<S>; MODES]; MODES + 3],
+    /// The sum of the absolute products of each strain with itself if all nodes followed it.
+    pub affine: Lanes<S>,
+}
+
+/// Computes the sensitivities of interior nodes to the six strains into `modes`, and their products with the forces;
+/// requires the forces, the factor of the stiffness, the stiffness of the connections, and that of the end fibers.
 pub(super) struct SolveModes<'a, 'b, S: Double, const C: usize> {
     pub network: &'a Network,
     pub arrays: &'a mut Arrays<'b, S>,
 }
 
 impl<S: Double, const C: usize> Kernel<S> for SolveModes<'_, '_, S, C> {
-    type Output = ();
+    type Output = Condensed<S>;
 
     #[inline(always)]
-    fn run(self, simd: S) {
+    fn run(self, simd: S) -> Condensed<S> {
         let Self { network, arrays } = self;
-        let Arrays { positions, connections, end_stiffness, diagonal, lower, modes, .. } = arrays;
-        for node in 0..network.interior {
-            let loads = loads_of_end_fibers(simd, network, positions, end_stiffness, node);
-            for mode in 0..MODES {
-                store(&loads[mode], modes, MODES * node + mode);
-            }
+        let mut affine = AffineProducts::new(simd);
+        add_end_fibers(simd, network, arrays, &mut affine);
+        add_connections(simd, network, arrays, &mut affine);
+        let mut products = affine.all();
+        let mut of_strains = Lanes::splat(simd, 0.0);
+        for k in 0..MODES {
+            of_strains += products[k][k].abs();
         }
-        for (number, &ends) in network.connections.iter().enumerate() {
-            let [a, b] = ends.map(|node| node as usize);
-            if a >= network.interior {
-                continue;
-            }
-            let d = vector(simd, positions, ends);
-            let block: Triangle<S> = load(simd, connections, number);
-            for mode in 0..MODES {
-                let load_of_end = multiply_symmetric(&block, &strain(mode, &d));
-                subtract_from(simd, modes, MODES * a + mode, &load_of_end);
-                if b < network.interior {
-                    add_to(simd, modes, MODES * b + mode, &load_of_end);
+        let Arrays { positions, diagonal, lower, modes, .. } = arrays;
+        forward::<S, C, MODES, AT_ONCE>(simd, &network.schedule, (diagonal, lower), modes);
+        for node in 0..network.interior {
+            let mut y = [[Lanes::splat(simd, 0.0); 3]; MODES];
+            for l in 0..MODES {
+                y[l] = load(simd, modes, MODES * node + l);
+                for k in 0..=l {
+                    for p in 0..3 {
+                        products[k][l].subtract_product(y[k][p], y[l][p]);
+                    }
                 }
             }
         }
-        forward::<S, C, MODES, AT_ONCE>(simd, &network.schedule, (diagonal, lower), modes);
         backward::<S, C, MODES, AT_ONCE>(simd, &network.schedule, (diagonal, lower), modes);
         for node in 0..network.interior {
             let x: Node<S> = load(simd, positions, node);
@@ -80,276 +133,181 @@ impl<S: Double, const C: usize> Kernel<S> for SolveModes<'_, '_, S, C> {
                 store(&[affine[0] - v[0], affine[1] - v[1], affine[2] - v[2]], modes, MODES * node + mode);
             }
         }
-    }
-}
-
-/// Returns the forces at an interior node when its end fibers follow each of the six strains: minus the sums of
-/// `geometric E d + material d (d^T E d)` over these fibers with the vectors `d`, for the strain `E`.
-#[inline(always)]
-fn loads_of_end_fibers<S: Double>(
-    simd: S,
-    network: &Network,
-    positions: &[S::Stored],
-    end_stiffness: &[S::Stored],
-    node: usize,
-) -> [Node<S>; MODES] {
-    let zero = Lanes::splat(simd, 0.0);
-    let (mut across, mut along) = ([zero; 3], [[zero; 3]; MODES]);
-    for number in network.end_fibers_of(node) {
-        let d = vector(simd, positions, network.end_fibers()[number].ends);
-        let EndStiffness { geometric, material } = EndStiffness::load(simd, end_stiffness, number);
-        let twice = [2.0 * d[0], 2.0 * d[1]];
-        // Half the change of the squared length by each unit strain.
-        let changes = [d[0] * d[0], d[1] * d[1], d[2] * d[2], twice[1] * d[2], twice[0] * d[2], twice[0] * d[1]];
-        for p in 0..3 {
-            across[p].subtract_product(geometric, d[p]);
-            let force = material * d[p];
-            for mode in 0..MODES {
-                along[mode][p].subtract_product(force, changes[mode]);
-            }
-        }
-    }
-    let mut loads = [[zero; 3]; MODES];
-    for mode in 0..MODES {
-        let strained = strain(mode, &across);
-        for p in 0..3 {
-            loads[mode][p] = strained[p] + along[mode][p];
-        }
-    }
-    loads
-}
-
-/// The products of sensitivities of a group of networks.
-pub(super) struct Products<S: Double> {
-    /// Those of the positions for six strains and three rotations (rows) with those of the forces for six strains.
-    pub form: [[Lanes<S>; MODES]; MODES + 3],
-    /// Norm of the force sensitivities at interior nodes over that at interior nodes and at the ends of connections
-    /// and end fibers on the boundary.
-    pub imbalance: Lanes<S>,
-}
-
-/// Computes the products of sensitivities from `modes`.
-pub(super) struct ComputeProducts<'a, 'b, S: Double> {
-    pub network: &'a Network,
-    pub arrays: &'a mut Arrays<'b, S>,
-}
-
-impl<S: Double> Kernel<S> for ComputeProducts<'_, '_, S> {
-    type Output = Products<S>;
-
-    #[inline(always)]
-    fn run(self, simd: S) -> Products<S> {
-        let Self { network, arrays } = self;
-        let zero = Lanes::splat(simd, 0.0);
-        numbers_of_mut::<S>(&mut arrays.loads[..3 * MODES * network.interior]).fill(0.0);
-        let mut of_boundary = OfBoundary::new(simd);
-        of_boundary.add_connections(simd, network, arrays);
-        of_boundary.add_end_fibers(simd, network, arrays);
-        let Arrays { positions, modes, loads, .. } = arrays;
-        let mut form = [[zero; MODES]; MODES + 3];
-        let mut of_interior = zero;
-        for node in 0..network.interior {
-            let x: Node<S> = load(simd, positions, node);
-            for l in 0..MODES {
-                let q: Node<S> = load(simd, loads, MODES * node + l);
-                of_interior += dot(&q, &q);
-                for k in 0..=l {
-                    let v: Node<S> = load(simd, modes, MODES * node + k);
-                    form[k][l] += dot(&v, &q);
-                }
-                for w in 0..3 {
-                    form[MODES + w][l] += dot(&spin(w, &x), &q);
-                }
-            }
-        }
-        for (l, moment) in of_boundary.moments.iter().enumerate() {
-            for k in 0..=l {
-                form[k][l] += strain_product(k, moment);
+        let rotations = rotation_products(simd, network, arrays);
+        let mut form = [[Lanes::splat(simd, 0.0); MODES]; MODES + 3];
+        for l in 0..MODES {
+            for k in 0..MODES {
+                form[k][l] = products[k.min(l)][k.max(l)];
             }
             for w in 0..3 {
-                form[MODES + w][l] += spin_product(w, moment);
+                form[MODES + w][l] = rotations[w][l];
             }
         }
-        for l in 0..MODES {
-            for k in 0..l {
-                form[l][k] = form[k][l];
-            }
-        }
-        let all = of_interior + of_boundary.squares;
-        let is_zero = all.less_or_equal(zero);
-        Products { form, imbalance: zero.where_or(is_zero, of_interior.div(all).sqrt()) }
+        Condensed { form, affine: of_strains }
     }
 }
 
-/// The sums over the ends of connections and end fibers on the boundary.
-struct OfBoundary<S: Double> {
-    /// Position times force sensitivity of each mode, row by row.
-    moments: [Block<S>; MODES],
-    /// The squares of the force sensitivities.
-    squares: Lanes<S>,
+/// The products of the strains of fibers, if all nodes follow the strain.
+struct AffineProducts<S: Double> {
+    /// `(E_k d) . K (E_l d)` for `k <= l`, without what `across` holds.
+    products: [[Lanes<S>; MODES]; MODES],
+    /// The sum of `geometric d d^T` over the end fibers, as lower triangle.
+    across: Triangle<S>,
 }
 
-impl<S: Double> OfBoundary<S> {
+impl<S: Double> AffineProducts<S> {
     #[inline(always)]
     fn new(simd: S) -> Self {
         let zero = Lanes::splat(simd, 0.0);
-        Self { moments: [[zero; 9]; MODES], squares: zero }
+        Self { products: [[zero; MODES]; MODES], across: [zero; 6] }
     }
 
-    /// Adds the force of a mode at the position `x`.
+    /// Returns the products for `k <= l`.
     #[inline(always)]
-    fn add(&mut self, mode: usize, x: &Node<S>, force: &Node<S>) {
-        self.squares += dot(force, force);
+    fn all(self) -> [[Lanes<S>; MODES]; MODES] {
+        let Self { mut products, across } = self;
+        // (E_k d) . (E_l d) is the product of E_k with d d^T E_l.
+        for l in 0..MODES {
+            let columns = [0, 1, 2].map(|q| COLUMNS[q].map(|at| across[at]));
+            let strained = columns.map(|column| strain(l, &column));
+            for k in 0..=l {
+                let sum = &mut products[k][l];
+                match k {
+                    0..3 => *sum += strained[k][k],
+                    _ => {
+                        let (p, q) = [(1, 2), (0, 2), (0, 1)][k - 3];
+                        *sum += strained[p][q] + strained[q][p];
+                    }
+                }
+            }
+        }
+        products
+    }
+}
+
+/// Stores the forces at the interior nodes when their end fibers follow each of the six strains: minus the sums of
+/// `geometric E d + material d (d^T E d)` over these fibers with the vectors `d`, for the strain `E`.
+#[inline(always)]
+fn add_end_fibers<S: Double>(simd: S, network: &Network, arrays: &mut Arrays<'_, S>, affine: &mut AffineProducts<S>) {
+    let Arrays { positions, end_stiffness, modes, .. } = arrays;
+    let zero = Lanes::splat(simd, 0.0);
+    for node in 0..network.interior {
+        let (mut across, mut along) = ([zero; 3], [[zero; 3]; MODES]);
+        for number in network.end_fibers_of(node) {
+            let d = vector(simd, positions, network.end_fibers()[number].ends);
+            let EndStiffness { geometric, material } = EndStiffness::load(simd, end_stiffness, number);
+            let twice = [2.0 * d[0], 2.0 * d[1]];
+            // Half the change of the squared length by each unit strain.
+            let changes = [d[0] * d[0], d[1] * d[1], d[2] * d[2], twice[1] * d[2], twice[0] * d[2], twice[0] * d[1]];
+            let mut pull = [zero; 3];
+            for p in 0..3 {
+                pull[p] = geometric * d[p];
+                across[p] -= pull[p];
+                let force = material * d[p];
+                for mode in 0..MODES {
+                    along[mode][p].subtract_product(force, changes[mode]);
+                }
+            }
+            for l in 0..MODES {
+                let weighted = material * changes[l];
+                for k in 0..=l {
+                    affine.products[k][l].add_product(changes[k], weighted);
+                }
+            }
+            for p in 0..3 {
+                for q in 0..=p {
+                    affine.across[COLUMNS[q][p]].add_product(pull[p], d[q]);
+                }
+            }
+        }
+        for mode in 0..MODES {
+            let strained = strain(mode, &across);
+            let [x, y, z] = along[mode];
+            store(&[strained[0] + x, strained[1] + y, strained[2] + z], modes, MODES * node + mode);
+        }
+    }
+}
+
+/// Adds the forces at the interior nodes when their connections follow each of the six strains.
+#[inline(always)]
+fn add_connections<S: Double>(simd: S, network: &Network, arrays: &mut Arrays<'_, S>, affine: &mut AffineProducts<S>) {
+    let Arrays { positions, connections, modes, .. } = arrays;
+    for (number, &ends) in network.connections.iter().enumerate() {
+        let connection = Connection { d: vector(simd, positions, ends), stiffness: load(simd, connections, number) };
+        let ends = ends.map(|node| Some(node as usize).filter(|&node| node < network.interior));
+        // Compilers do not unroll a loop over the strains, whose operations differ.
+        connection.add::<0>(simd, ends, modes, affine);
+        connection.add::<1>(simd, ends, modes, affine);
+        connection.add::<2>(simd, ends, modes, affine);
+        connection.add::<3>(simd, ends, modes, affine);
+        connection.add::<4>(simd, ends, modes, affine);
+        connection.add::<5>(simd, ends, modes, affine);
+    }
+}
+
+/// A connection of two nodes.
+struct Connection<S: Double> {
+    /// The vector from the first node to the second.
+    d: Node<S>,
+    stiffness: Triangle<S>,
+}
+
+impl<S: Double> Connection<S> {
+    /// Adds the forces of a strain at the interior nodes of the connection, and their products with the strains up to it.
+    #[inline(always)]
+    fn add<const MODE: usize>(
+        &self,
+        simd: S,
+        [a, b]: [Option<usize>; 2],
+        modes: &mut [S::Stored],
+        affine: &mut AffineProducts<S>,
+    ) {
+        let force = multiply_strained(&self.stiffness, MODE, &self.d);
+        for k in 0..=MODE {
+            add_strained_product(&mut affine.products[k][MODE], k, &self.d, &force);
+        }
+        if let Some(a) = a {
+            subtract_from(simd, modes, MODES * a + MODE, &force);
+        }
+        if let Some(b) = b {
+            add_to(simd, modes, MODES * b + MODE, &force);
+        }
+    }
+}
+
+/// Returns the products of three rotations with the sensitivities of the forces. The stiffness is symmetric, and forces
+/// turn with the network, so these are the products of turned forces with the sensitivities of the positions.
+#[inline(always)]
+fn rotation_products<S: Double>(simd: S, network: &Network, arrays: &Arrays<'_, S>) -> [[Lanes<S>; MODES]; 3] {
+    let zero = Lanes::splat(simd, 0.0);
+    let mut products = [[zero; MODES]; 3];
+    for node in 0..network.interior {
+        let force: Node<S> = load(simd, arrays.forces, node);
+        for l in 0..MODES {
+            let v: Node<S> = load(simd, arrays.modes, MODES * node + l);
+            for w in 0..3 {
+                add_rotated_product(&mut products[w][l], w, &force, &v);
+            }
+        }
+    }
+    let mut moment: Block<S> = [zero; 9];
+    for node in network.interior..network.nodes {
+        let (force, x): (_, Node<S>) =
+            (boundary_force(simd, network, arrays, node), load(simd, arrays.positions, node));
         for p in 0..3 {
             for q in 0..3 {
-                self.moments[mode][3 * p + q].add_product(x[p], force[q]);
+                moment[3 * p + q].add_product(force[p], x[q]);
             }
         }
     }
-
-    /// Adds the connections of the network, and adds their force sensitivities to `loads` of interior nodes.
-    #[inline(always)]
-    fn add_connections(&mut self, simd: S, network: &Network, arrays: &mut Arrays<'_, S>) {
-        let Arrays { positions, connections, modes, loads, .. } = arrays;
-        for (number, ends) in network.connections.iter().enumerate() {
-            let [a, b] = ends.map(|node| node as usize);
-            let block: Triangle<S> = load(simd, connections, number);
-            if b < network.interior {
-                for mode in 0..MODES {
-                    let of_a: Node<S> = load(simd, modes, MODES * a + mode);
-                    let of_b: Node<S> = load(simd, modes, MODES * b + mode);
-                    let apart = [of_a[0] - of_b[0], of_a[1] - of_b[1], of_a[2] - of_b[2]];
-                    let force = multiply_symmetric(&block, &apart);
-                    add_to(simd, loads, MODES * a + mode, &force);
-                    subtract_from(simd, loads, MODES * b + mode, &force);
-                }
-                continue;
-            }
-            let mut x: Node<S> = load(simd, positions, b);
-            if a >= network.interior {
-                let of_a: Node<S> = load(simd, positions, a);
-                x = [x[0] - of_a[0], x[1] - of_a[1], x[2] - of_a[2]];
-            }
-            for mode in 0..MODES {
-                let mut apart = strain(mode, &x);
-                if a < network.interior {
-                    let of_a: Node<S> = load(simd, modes, MODES * a + mode);
-                    apart = [apart[0] - of_a[0], apart[1] - of_a[1], apart[2] - of_a[2]];
-                }
-                let force = multiply_symmetric(&block, &apart);
-                if a < network.interior {
-                    subtract_from(simd, loads, MODES * a + mode, &force);
-                } else {
-                    // A connection of two boundary nodes has two ends there.
-                    self.squares += dot(&force, &force);
-                }
-                self.add(mode, &x, &force);
-            }
+    let rows =
+        [[moment[0], moment[1], moment[2]], [moment[3], moment[4], moment[5]], [moment[6], moment[7], moment[8]]];
+    for l in 0..MODES {
+        let strained = [strain(l, &rows[0]), strain(l, &rows[1]), strain(l, &rows[2])];
+        for w in 0..3 {
+            let (i, j) = [(2, 1), (0, 2), (1, 0)][w];
+            products[w][l] += strained[j][i] - strained[i][j];
         }
     }
-
-    /// Adds the end fibers, and adds their force sensitivities to `loads` of interior nodes.
-    #[inline(always)]
-    fn add_end_fibers(&mut self, simd: S, network: &Network, arrays: &mut Arrays<'_, S>) {
-        let Arrays { positions, end_stiffness, modes, loads, .. } = arrays;
-        for (number, fiber) in network.end_fibers().iter().enumerate() {
-            let d = vector(simd, positions, fiber.ends);
-            let stiffness = EndStiffness::load(simd, end_stiffness, number);
-            let [a, b] = fiber.ends.map(|node| node as usize);
-            let x: Node<S> = load(simd, positions, b);
-            for mode in 0..MODES {
-                let (affine, v): (_, Node<S>) = (strain(mode, &x), load(simd, modes, MODES * a + mode));
-                let force = stiffness.multiply(&d, &[affine[0] - v[0], affine[1] - v[1], affine[2] - v[2]]);
-                subtract_from(simd, loads, MODES * a + mode, &force);
-                self.add(mode, &x, &force);
-            }
-        }
-    }
-}
-
-/// Returns the product of the `k`-th unit strain of positions with forces, from the sum of positions times forces.
-#[inline(always)]
-fn strain_product<S: Double>(k: usize, moment: &Block<S>) -> Lanes<S> {
-    match k {
-        0 => moment[0],
-        1 => moment[4],
-        2 => moment[8],
-        3 => moment[7] + moment[5],
-        4 => moment[6] + moment[2],
-        _ => moment[3] + moment[1],
-    }
-}
-
-/// Returns the product of the `w`-th unit rotation of positions with forces, from the sum of positions times forces.
-#[inline(always)]
-fn spin_product<S: Double>(w: usize, moment: &Block<S>) -> Lanes<S> {
-    match w {
-        0 => moment[5] - moment[7],
-        1 => moment[6] - moment[2],
-        _ => moment[1] - moment[3],
-    }
-}
-
-#[inline(always)]
-fn dot<S: Double>(a: &Node<S>, b: &Node<S>) -> Lanes<S> {
-    a[0].mul_add(b[0], a[1].mul_add(b[1], a[2] * b[2]))
-}
-
-/// Computes the stress without its scale: the sum over boundary nodes of force times reference position, row by row.
-pub(super) struct Stress<'a, 'b, S: Double> {
-    pub network: &'a Network,
-    pub arrays: &'a Arrays<'b, S>,
-}
-
-impl<S: Double> Kernel<S> for Stress<'_, '_, S> {
-    type Output = [Lanes<S>; 9];
-
-    #[inline(always)]
-    fn run(self, simd: S) -> [Lanes<S>; 9] {
-        let Self { network, arrays } = self;
-        let mut stress = [Lanes::splat(simd, 0.0); 9];
-        let nodes = network.interior..network.nodes;
-        for (rest, node) in network.boundary.iter().zip(nodes) {
-            let force: Node<S> = match node.checked_sub(network.first_end_node()) {
-                None => load(simd, arrays.forces, node),
-                Some(number) => {
-                    let d = vector(simd, arrays.positions, network.end_fibers()[number].ends);
-                    let EndStiffness { geometric, .. } = EndStiffness::load(simd, arrays.end_stiffness, number);
-                    [geometric * d[0], geometric * d[1], geometric * d[2]]
-                }
-            };
-            for p in 0..3 {
-                for q in 0..3 {
-                    stress[3 * p + q] += force[p] * rest[q];
-                }
-            }
-        }
-        stress
-    }
-}
-
-/// Computes the energy of all fibers of the lanes in which `counts` is 1; the others have that of a network at rest.
-pub(super) struct Energy<'a, 'b, S: Double> {
-    pub network: &'a Network,
-    pub arrays: &'a Arrays<'b, S>,
-    pub counts: Lanes<S>,
-}
-
-impl<S: Double> Kernel<S> for Energy<'_, '_, S> {
-    type Output = Lanes<S>;
-
-    #[inline(always)]
-    fn run(self, simd: S) -> Lanes<S> {
-        let Self { network, arrays, counts } = self;
-        let one = Lanes::splat(simd, 1.0);
-        let counts = one.less_or_equal(counts);
-        let mut sum = Lanes::splat(simd, 0.0);
-        for fiber in &network.fibers {
-            let (_, length) = vector_and_length(simd, arrays.positions, fiber.ends);
-            // The energy of a network without equilibrium could take very long to compute.
-            let stretch = stretch_of(length, fiber).where_or(counts, one);
-            sum += network.laws[fiber.law as usize].energy(stretch) * fiber.volume;
-        }
-        sum
-    }
+    products
 }
