@@ -33,7 +33,7 @@ pub enum Status {
     NotFinite,
     /// A fiber of the equilibrium has a force that is too large relative to its stiffness.
     ExcessiveForce,
-    /// The sensitivities of the interior are inaccurate.
+    /// The sensitivities of the interior, or the condensed stiffness, are inaccurate.
     InaccurateTangent,
     /// It is not evident that Newton leads to the given equilibrium.
     Inconclusive,
@@ -137,8 +137,8 @@ impl<'a> NetworkResult<'a> {
         self.values[ENERGY]
     }
 
-    /// Norm of the force sensitivities at interior nodes, which should vanish, over that at all nodes; in lanes, those to
-    /// one strain, and of boundary nodes those of each connection alone count.
+    /// Norm of the force sensitivities at interior nodes, which should vanish, over that at all nodes. In lanes these are
+    /// the sensitivities to one strain, and at boundary nodes those of each fiber or group of parallel fibers alone.
     pub fn imbalance(&self) -> f64 {
         self.values[IMBALANCE]
     }

@@ -26,13 +26,14 @@ pub(super) struct Arrays<'a, S: Double> {
     pub diagonal: &'a mut [S::Stored],
     /// Nine of each block of the factor below the diagonal, and of a last block of zeros.
     pub lower: &'a mut [S::Stored],
-    /// Three of each interior node: the residual, then the direction, and at the end the positions, lane after lane.
+    /// Three of each interior node: the residual, then the direction; at the end the sensitivities to the strain that is
+    /// checked, and then the positions, lane after lane.
     pub direction: &'a mut [S::Stored],
     /// Eighteen of each interior node: the sensitivities to the six strains.
     pub modes: &'a mut [S::Stored],
-    /// Nine of each interior node, and memory for different things, one after the other: a factor of single precision, if
-    /// there is one; the sensitivities of the forces to a strain; those of the positions, in single precision, lane after
-    /// lane.
+    /// At least nine of each interior node, for one after the other of these: the factor of single precision, the
+    /// sensitivities of the forces to the strain that is checked, and the sensitivities of the positions, in single
+    /// precision, lane after lane.
     pub loads: &'a mut [S::Stored],
 }
 

@@ -16,8 +16,8 @@ use crate::backends::networks::{MODES, NetworkResult, RESULT_LEN, Status};
 
 /// Interior force sensitivities, relative to all of them, at which the sensitivities are accurate.
 const ACCURATE: f64 = 1e-8;
-/// The largest error of the condensed stiffness, relative to that if all nodes followed the strain.
-const STIFFNESS_ERROR: f64 = 1e-11;
+/// The largest accepted error of the condensed stiffness, [`Errors::of_stiffness`](super::check::Errors).
+const STIFFNESS_ERROR: f64 = 1e-10;
 
 /// The outcome of a network, with its new state if it is in equilibrium.
 #[derive(Debug)]

@@ -284,7 +284,7 @@ mod tests {
             let (data, interior) = grid(youngs_modulus);
             let network = Network::new(&data, Portable::TILE);
             with_arrays::<Portable, ()>(&network, true, |arrays| {
-                write(&network, &interior, CRUSHED, arrays.positions);
+                write(&network, &interior, Some(CRUSHED), arrays.positions);
                 let forces = Portable.vectorize(Evaluate { network: &network, arrays });
                 let residuals = forces.residual.numbers();
                 let mut wanted = [None; MOST_LANES];

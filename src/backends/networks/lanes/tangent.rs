@@ -1,15 +1,16 @@
 //! The condensed stiffness for the tangent.
 //!
-//! With the stiffness `K_f` and the vector `d` of each fiber `f`, the strains `E_k`, the forces `B_k` at the interior nodes
-//! when all nodes follow a strain, and the factor `L` of the interior stiffness, the condensed stiffness is
+//! With the stiffness `K_f` and the vector `d` of each fiber `f`, the strains `E_k`, the forces `B_k` at the interior
+//! nodes when all nodes follow a strain, and the factor `L` of the interior stiffness `K`, the condensed stiffness is
 //!
 //! ```text
 //! C_kl = A_kl - (L^-1 B_k) . (L^-1 B_l),    A_kl = sum_f (E_k d) . K_f (E_l d)
 //! ```
 //!
-//! A factor that solves `(K + e) x = b` changes it by `V_k . e V_l` with the solutions `V = K^-1 B`, which is as accurate
-//! as the products `v_k . K v_l` of all sensitivities that `fiber::homogenize` takes. [`CheckModes`](super::check::CheckModes) compares
-//! both for one strain.
+//! Rounding in the factor, which is exact for a stiffness `K + e`, changes it by `V_k . e V_l` with the solutions
+//! `V = K^-1 B`. The products `v_k . K v_l` of all sensitivities, which `fiber::homogenize` takes, have an error of second
+//! order in `e`, but pass over all fibers for all strains. [`CheckModes`](super::check::CheckModes) compares both for one
+//! strain.
 
 use super::arrays::Arrays;
 use super::blocks::{Block, Node, Triangle};
@@ -25,6 +26,12 @@ const AT_ONCE: usize = 3;
 
 /// Where the lower triangle of a symmetric block has the entries of each of its columns.
 const COLUMNS: [[usize; 3]; 3] = [[0, 1, 3], [1, 2, 4], [3, 4, 5]];
+
+/// The two axes of each shear strain.
+const SHEARS: [(usize, usize); 3] = [(1, 2), (0, 2), (0, 1)];
+
+/// The entries `(i, j)` where each unit rotation is 1; it is -1 at `(j, i)`.
+const ROTATIONS: [(usize, usize); 3] = [(2, 1), (0, 2), (1, 0)];
 
 /// Applies the `k`-th unit strain, in the order 11, 22, 33, 23, 13, 12.
 #[inline(always)]
@@ -48,7 +55,7 @@ fn multiply_strained<S: Double>(block: &Triangle<S>, k: usize, d: &Node<S>) -> N
         let [x, y, z] = COLUMNS[k];
         return [block[x] * d[k], block[y] * d[k], block[z] * d[k]];
     }
-    let (p, q) = [(1, 2), (0, 2), (0, 1)][k - 3];
+    let (p, q) = SHEARS[k - 3];
     let ([xp, yp, zp], [xq, yq, zq]) = (COLUMNS[p], COLUMNS[q]);
     [
         block[xp].mul_add(d[q], block[xq] * d[p]),
@@ -77,7 +84,7 @@ fn add_strained_product<S: Double>(sum: &mut Lanes<S>, k: usize, d: &Node<S>, q:
 /// Adds the product of a vector after the `w`-th unit rotation with another.
 #[inline(always)]
 fn add_rotated_product<S: Double>(sum: &mut Lanes<S>, w: usize, t: &Node<S>, u: &Node<S>) {
-    let (i, j) = [(2, 1), (0, 2), (1, 0)][w];
+    let (i, j) = ROTATIONS[w];
     sum.add_product(t[j], u[i]);
     sum.subtract_product(t[i], u[j]);
 }
@@ -87,12 +94,10 @@ pub(super) struct Condensed<S: Double> {
     /// The products of the sensitivities of all positions to six strains and three rotations (rows) with those of the
     /// forces to six strains.
     pub form: [[Lanes<S>; MODES]; MODES + 3],
-    /// The sum of the absolute products of each strain with itself if all nodes followed it.
-    pub affine: Lanes<S>,
 }
 
-/// Computes the sensitivities of interior nodes to the six strains into `modes`, and their products with the forces;
-/// requires the forces, the factor of the stiffness, the stiffness of the connections, and that of the end fibers.
+/// Computes the sensitivities of interior nodes to the six strains into `modes`, and the condensed stiffness; requires the
+/// forces, the factor of the stiffness, the stiffness of the connections, and that of the end fibers.
 pub(super) struct SolveModes<'a, 'b, S: Double, const C: usize> {
     pub network: &'a Network,
     pub arrays: &'a mut Arrays<'b, S>,
@@ -108,10 +113,6 @@ impl<S: Double, const C: usize> Kernel<S> for SolveModes<'_, '_, S, C> {
         add_end_fibers(simd, network, arrays, &mut affine);
         add_connections(simd, network, arrays, &mut affine);
         let mut products = affine.all();
-        let mut of_strains = Lanes::splat(simd, 0.0);
-        for k in 0..MODES {
-            of_strains += products[k][k].abs();
-        }
         let Arrays { positions, diagonal, lower, modes, .. } = arrays;
         forward::<S, C, MODES, AT_ONCE>(simd, &network.schedule, (diagonal, lower), modes);
         for node in 0..network.interior {
@@ -143,7 +144,7 @@ impl<S: Double, const C: usize> Kernel<S> for SolveModes<'_, '_, S, C> {
                 form[MODES + w][l] = rotations[w][l];
             }
         }
-        Condensed { form, affine: of_strains }
+        Condensed { form }
     }
 }
 
@@ -175,7 +176,7 @@ impl<S: Double> AffineProducts<S> {
                 match k {
                     0..3 => *sum += strained[k][k],
                     _ => {
-                        let (p, q) = [(1, 2), (0, 2), (0, 1)][k - 3];
+                        let (p, q) = SHEARS[k - 3];
                         *sum += strained[p][q] + strained[q][p];
                     }
                 }
@@ -186,7 +187,8 @@ impl<S: Double> AffineProducts<S> {
 }
 
 /// Stores the forces at the interior nodes when their end fibers follow each of the six strains: minus the sums of
-/// `geometric E d + material d (d^T E d)` over these fibers with the vectors `d`, for the strain `E`.
+/// `geometric E d + material d (d^T E d)` over these fibers with the vectors `d`, for the strain `E`. Adds the products of
+/// these fibers to `affine`.
 #[inline(always)]
 fn add_end_fibers<S: Double>(simd: S, network: &Network, arrays: &mut Arrays<'_, S>, affine: &mut AffineProducts<S>) {
     let Arrays { positions, end_stiffness, modes, .. } = arrays;
@@ -228,7 +230,8 @@ fn add_end_fibers<S: Double>(simd: S, network: &Network, arrays: &mut Arrays<'_,
     }
 }
 
-/// Adds the forces at the interior nodes when their connections follow each of the six strains.
+/// Adds the forces at the interior nodes when their connections follow each of the six strains, and the products of the
+/// connections to `affine`.
 #[inline(always)]
 fn add_connections<S: Double>(simd: S, network: &Network, arrays: &mut Arrays<'_, S>, affine: &mut AffineProducts<S>) {
     let Arrays { positions, connections, modes, .. } = arrays;
@@ -253,7 +256,8 @@ struct Connection<S: Double> {
 }
 
 impl<S: Double> Connection<S> {
-    /// Adds the forces of a strain at the interior nodes of the connection, and their products with the strains up to it.
+    /// Adds the forces of a strain at the interior nodes of the connection, and its products with the strains up to this
+    /// one.
     #[inline(always)]
     fn add<const MODE: usize>(
         &self,
@@ -305,7 +309,7 @@ fn rotation_products<S: Double>(simd: S, network: &Network, arrays: &Arrays<'_, 
     for l in 0..MODES {
         let strained = [strain(l, &rows[0]), strain(l, &rows[1]), strain(l, &rows[2])];
         for w in 0..3 {
-            let (i, j) = [(2, 1), (0, 2), (1, 0)][w];
+            let (i, j) = ROTATIONS[w];
             products[w][l] += strained[j][i] - strained[i][j];
         }
     }

@@ -38,11 +38,11 @@ pub(super) fn grid(youngs_modulus: f64) -> (NetworkData, Vec<[f64; 3]>) {
     (network, inner.iter().map(position).collect())
 }
 
-/// Writes the positions, which each lane disturbs in its own way; the lane `crushed` has all nodes near each other.
+/// Writes the positions, which each lane disturbs in its own way; the lane `crushed`, if there is one, has all nodes near each other.
 pub(super) fn write(
     network: &Network,
     interior: &[[f64; 3]],
-    crushed: usize,
+    crushed: Option<usize>,
     positions: &mut [<Portable as Simd>::Stored],
 ) {
     let in_order = network.order.iter().map(|&node| interior[node as usize]);
@@ -51,7 +51,7 @@ pub(super) fn write(
     for (entry, x) in all.as_flattened().iter().enumerate() {
         for lane in 0..Portable::LANES {
             let disturbed = x + 0.02 * ((entry * (lane + 3)) as f64).sin();
-            numbers[Portable::LANES * entry + lane] = if lane == crushed { 0.2 * x } else { disturbed };
+            numbers[Portable::LANES * entry + lane] = if Some(lane) == crushed { 0.2 * x } else { disturbed };
         }
     }
 }
