@@ -21,6 +21,11 @@ pub trait Graph {
 
     /// The neighbors of a node.
     fn near(&self, node: usize) -> &[u32];
+
+    /// The weights of the edges to these neighbors, the same at both nodes of an edge; nothing if all have the same.
+    fn edge_weights(&self, _node: usize) -> &[i32] {
+        &[]
+    }
 }
 
 impl<T: AsRef<[Vec<u32>]> + ?Sized> Graph for T {
@@ -98,18 +103,24 @@ impl<G: Graph + ?Sized> Bisection<'_, G> {
     /// the weight. None of the sets is empty.
     fn bisect(&mut self, nodes: &[u32], share: f64) -> Result<Vec<bool>, String> {
         (0..).zip(nodes).for_each(|(number, &node)| self.number_of[node as usize] = number);
-        let (mut start, mut neighbors): (Vec<idx_t>, Vec<idx_t>) = (vec![0], Vec::new());
+        let mut rows = Rows { start: vec![0], neighbors: Vec::new(), of_edges: Vec::new() };
         for &node in nodes {
-            let near = self.graph.near(node as usize).iter().map(|&near| self.number_of[near as usize]);
-            neighbors.extend(near.filter(|&number| number != NONE).map(|number| number as idx_t));
-            start.push(neighbors.len() as idx_t);
+            let (near, weights) = (self.graph.near(node as usize), self.graph.edge_weights(node as usize));
+            for (k, &near) in near.iter().enumerate() {
+                let number = self.number_of[near as usize];
+                if number != NONE {
+                    rows.neighbors.push(number as idx_t);
+                    rows.of_edges.extend(weights.get(k).map(|&weight| weight as idx_t));
+                }
+            }
+            rows.start.push(rows.neighbors.len() as idx_t);
         }
         nodes.iter().for_each(|&node| self.number_of[node as usize] = NONE);
         let weights: Vec<idx_t> =
             nodes.iter().map(|&node| self.weights.get(node as usize).map_or(1, |&weight| weight as idx_t)).collect();
         // METIS rejects a graph without edges.
-        if !neighbors.is_empty() && weights.iter().any(|&weight| weight > 0) {
-            let is_first = bisect_by_metis(start, neighbors, weights.clone(), share)?;
+        if !rows.neighbors.is_empty() && weights.iter().any(|&weight| weight > 0) {
+            let is_first = bisect_by_metis(rows, weights.clone(), share)?;
             if is_first.contains(&true) && is_first.contains(&false) {
                 return Ok(is_first);
             }
@@ -131,19 +142,24 @@ fn bisect_in_order(weights: &[idx_t], share: f64) -> Vec<bool> {
     weights.iter().enumerate().map(is_first).collect()
 }
 
-/// Bisects the graph with these compressed rows.
-fn bisect_by_metis(
-    mut start: Vec<idx_t>,
-    mut neighbors: Vec<idx_t>,
-    mut weights: Vec<idx_t>,
-    share: f64,
-) -> Result<Vec<bool>, String> {
+/// The compressed rows of a graph.
+struct Rows {
+    start: Vec<idx_t>,
+    neighbors: Vec<idx_t>,
+    /// The weight of the edge to each neighbor; of fewer neighbors if all have the same.
+    of_edges: Vec<idx_t>,
+}
+
+/// Bisects the graph with these compressed rows and weights of nodes.
+fn bisect_by_metis(rows: Rows, mut weights: Vec<idx_t>, share: f64) -> Result<Vec<bool>, String> {
+    let Rows { mut start, mut neighbors, mut of_edges } = rows;
+    let of_edges = if of_edges.len() == neighbors.len() { of_edges.as_mut_ptr() } else { null_mut() };
     let (mut nodes, mut constraints, mut count, mut cut) = (weights.len() as idx_t, 1, 2, 0);
     let mut shares = [share as real_t, (1.0 - share) as real_t];
     let mut part_of: Vec<idx_t> = vec![0; weights.len()];
     // SAFETY: `start` and `neighbors` are the compressed rows of a graph of `nodes` nodes, whose neighbors are all below
-    // `nodes`. The weights and the result have one entry per node, the shares one per part. Null selects equal sizes and
-    // weights of edges, and the default options.
+    // `nodes`. The weights and the result have one entry per node, the shares one per part. `of_edges` is null or has one
+    // entry per neighbor. Null selects equal sizes and weights of edges, and the default options.
     let call = || unsafe {
         METIS_PartGraphRecursive(
             &raw mut nodes,
@@ -152,7 +168,7 @@ fn bisect_by_metis(
             neighbors.as_mut_ptr(),
             weights.as_mut_ptr(),
             null_mut(),
-            null_mut(),
+            of_edges,
             &raw mut count,
             shares.as_mut_ptr(),
             null_mut(),
@@ -230,6 +246,28 @@ mod tests {
         let part_of = partition_weighted(&near, &weights, 2).unwrap();
         let first: i32 = (0..40).filter(|&k| part_of[k] == part_of[0]).map(|k| weights[k]).sum();
         assert!((27..=33).contains(&first), "{part_of:?}");
+    }
+
+    /// A ring of two heavy and two light edges is cut at the light ones.
+    #[test]
+    fn heavy_edges_are_not_cut() {
+        struct Ring([[i32; 2]; 4]);
+        const NEAR: [[u32; 2]; 4] = [[3, 1], [0, 2], [1, 3], [2, 0]];
+        impl Graph for Ring {
+            fn nodes(&self) -> usize {
+                4
+            }
+            fn near(&self, node: usize) -> &[u32] {
+                &NEAR[node]
+            }
+            fn edge_weights(&self, node: usize) -> &[i32] {
+                &self.0[node]
+            }
+        }
+        let of = |[a, b]: [i32; 2]| partition(&Ring([[b, a], [a, b], [b, a], [a, b]]), 2).unwrap();
+        let (one, other) = (of([9, 1]), of([1, 9]));
+        assert!(one[0] == one[1] && one[2] == one[3] && one[0] != one[2], "{one:?}");
+        assert!(other[1] == other[2] && other[3] == other[0] && other[0] != other[1], "{other:?}");
     }
 
     /// Every part has a node if there are enough, and METIS, which prints when it divides nothing, never does. The prints

@@ -60,9 +60,11 @@ impl Excerpt {
     pub fn new(mesh: &Mesh, division: &Division, rank: usize, elements: &ExcerptElements) -> Self {
         let of_part = &elements.of_parts[rank];
         let mut of_excerpt = [of_part.as_slice(), &elements.common].concat();
-        of_excerpt.sort_unstable();
+        // The stable sort merges the two ascending lists.
+        of_excerpt.sort();
         of_excerpt.dedup();
-        let is_held = of_excerpt.iter().map(|element| of_part.binary_search(element).is_ok()).collect();
+        let mut held = of_part.iter().peekable();
+        let is_held = of_excerpt.iter().map(|element| held.next_if_eq(&element).is_some()).collect();
         let place = Arc::new(mesh.place(division, rank, of_excerpt));
         let all_faces = |place: &Part, faces: &Faces| faces.map(|node| place.local_node(node).unwrap_or_default());
         Self { mesh: mesh.restricted(&place, Arc::clone(&place), all_faces), is_held }

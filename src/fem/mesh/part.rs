@@ -170,10 +170,13 @@ impl Mesh {
         }
         let mut elements = vec![Vec::new(); *ranks];
         for element in 0..self.elements.len() {
-            let alone = || distinct(ranks_of(element));
-            let of_patch = patch_of.get(&element).map(|&patch| ranks_of_patches[patch].clone());
-            for rank in of_patch.unwrap_or_else(alone) {
-                elements[rank as usize].push(element as u32);
+            let rank = rank_of_element[element];
+            let mut add = |rank: u32| elements[rank as usize].push(element as u32);
+            match patch_of.get(&element) {
+                Some(&patch) => ranks_of_patches[patch].iter().copied().for_each(add),
+                // Most elements; this saves the allocation.
+                None if ranks_of(element).all(|of_node| of_node == rank) => add(rank),
+                None => distinct(ranks_of(element)).into_iter().for_each(add),
             }
         }
         elements
@@ -198,7 +201,12 @@ impl Mesh {
 
     /// Returns the nodes of these elements, ascending.
     pub(super) fn nodes_of(&self, elements: &[u32]) -> Vec<u32> {
-        distinct(elements.iter().flat_map(|&element| &self.elements[element as usize]).copied())
+        let mut is_found = vec![false; self.nodes.len()];
+        let of_elements = elements.iter().flat_map(|&element| &self.elements[element as usize]).copied();
+        let mut nodes: Vec<u32> =
+            of_elements.filter(|&node| !std::mem::replace(&mut is_found[node as usize], true)).collect();
+        nodes.sort_unstable();
+        nodes
     }
 
     /// Returns the numbers of nodes, elements and points.
@@ -209,9 +217,10 @@ impl Mesh {
     /// Returns the elements of a part, given its place in this mesh and in the whole one, which are the same unless this
     /// mesh is a part itself. `faces` returns the faces of a surface by the nodes of the part.
     pub(super) fn restricted(&self, here: &Part, in_whole: Arc<Part>, faces: impl Fn(&Part, &Faces) -> Faces) -> Self {
-        let place = |node: u32| here.local_node(node).unwrap_or_default();
+        let mut local = vec![0; self.nodes.len()];
+        (0..).zip(&here.nodes).for_each(|(number, &node)| local[node as usize] = number);
         let held = here.elements.iter().filter_map(|&element| self.elements.get(element as usize));
-        let elements = held.collect::<Elements>().map(place);
+        let elements = held.collect::<Elements>().map(|node| local[node as usize]);
         let surface = |surface: &Surface| Surface { name: surface.name.clone(), faces: faces(here, &surface.faces) };
         let local_element = |element: &u32| here.elements.binary_search(element).ok().map(|local| local as u32);
         // Either all elements of a patch are held, or the part does not have the patch.
