@@ -66,6 +66,11 @@ pub trait BatchSolver: Send {
         0
     }
 
+    /// Number of RVEs that are solved at once and share their time, whether the group is full or not; 1 if they do not.
+    fn group(&self) -> usize {
+        1
+    }
+
     /// Returns for each RVE whether Newton evidently leads from the state in `from`, moved affinely, to the equilibrium in
     /// `reached`; see [`converges_to`](super::equilibrium::converges_to).
     ///

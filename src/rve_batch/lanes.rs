@@ -268,6 +268,10 @@ impl BatchSolver for LaneBatch {
         Ok(self.solve_with_progress(rves, targets, params, progress))
     }
 
+    fn group(&self) -> usize {
+        self.lanes.lanes()
+    }
+
     fn bytes_per_thread(&self) -> usize {
         self.lanes.lanes() * self.lanes.bytes_per_lane()
     }

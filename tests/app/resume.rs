@@ -220,6 +220,14 @@ fn a_checkpoint_of_another_run_is_rejected() {
     let message = "continuing with settings that differ from those of the run so far: \
                 [newton] `max_iterations = 25` before, `max_iterations = 40` now";
     assert_eq!(resumed, Resumed { step: 4, warnings: vec![message.into()] });
+    for (micro, message) in [
+        ("lanes = \"off\"", "[micro] the default before, `lanes = \"off\"` now"),
+        ("lanes = \"mixed\"", "[micro] the default before, `lanes = \"mixed\"` now"),
+    ] {
+        let text = CASE.replace("[output]", &format!("[micro]\n{micro}\n[output]"));
+        let resumed = simulation(&text).resume(&dir).unwrap();
+        assert!(resumed.warnings.len() == 1 && resumed.warnings[0].ends_with(message), "{resumed:?}");
+    }
     // The title and the output settings may differ.
     let resumed = simulation(&CASE.replace("rve = [0, 7]", "every = 2").replace("\"pull\"", "\"push\"")).resume(&dir);
     assert_eq!(resumed.unwrap(), Resumed { step: 4, warnings: vec![] });

@@ -48,6 +48,7 @@ fn after_a_failure(threads: usize) -> (PointResponses, String) {
         let error = field.update(&gradients, &mut out).unwrap_err().to_string();
         assert_eq!(field.take_stats().solves, 4, "only elements up to the first failing one count");
         field.update(&vec![stretched(1.1); gradients.len()], &mut out).unwrap();
+        assert!(field.take_failed_rve().is_none(), "the failure is over");
         (out, error)
     })
 }

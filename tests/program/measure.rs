@@ -26,10 +26,9 @@ fn a_few_rves_of_each_network_are_solved() {
     let (measured, text) = measured(&fibers(&frozen()).replace("cells = [1, 1, 1]", "cells = [2, 2, 2]"));
     assert_eq!(measured["converged"], true, "{measured}");
     let [network] = &measured["networks"].as_array().unwrap()[..] else { panic!("{measured}") };
-    assert_eq!(
-        (&network["rves"], &network["samples"], &network["name"]),
-        (&48.into(), &3.into(), &"frozen.txt".into())
-    );
+    assert_eq!((&network["rves"], &network["name"]), (&48.into(), &"frozen.txt".into()));
+    let samples = network["samples"].as_u64().unwrap();
+    assert!([3, 4, 8].contains(&samples), "three, or as many as the lanes of the processor: {samples}");
     let [seconds, longest] = ["seconds", "longest"].map(|key| number(&network[key]));
     assert!(0.0 < seconds && seconds <= longest && number(&network["iterations"]) > 0.0, "{network}");
     assert!(number(&measured["body_seconds"]) > 0.0 && number(&measured["evaluations"]) > 1.0, "{measured}");
@@ -43,7 +42,10 @@ fn a_few_rves_of_each_network_are_solved() {
     // The text is of another measurement, which may propose another split.
     let proposal =
         |split: &Value| format!("proposal   macro = {} and micro = {} in [scales]", split["macro"], split["micro"]);
-    assert!(splits.iter().any(|split| text.contains(&proposal(split))) && text.contains("3 RVEs solved"), "{text}");
+    assert!(
+        splits.iter().any(|split| text.contains(&proposal(split))) && text.contains(&format!("{samples} RVEs solved")),
+        "{text}"
+    );
 }
 
 /// Where the first step fails, the times up to the failure are reported; where RVEs wait, those that exist are solved.

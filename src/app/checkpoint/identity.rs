@@ -90,7 +90,12 @@ impl Identity {
                 remarks.push(format!("{what} {before} before, {now} now"));
             }
         }
-        for Difference { section, before, now } in differences(&self.case, &now.case) {
+        let ((before, set_before), (after, set_now)) = (without_optional(&self.case), without_optional(&now.case));
+        for (before, now) in set_before.into_iter().zip(set_now).filter(|(before, now)| before != now) {
+            let entry = |line: Option<&str>| line.map_or("the default".into(), entry);
+            remarks.push(format!("[micro] {} before, {} now", entry(before), entry(now)));
+        }
+        for Difference { section, before, now } in differences(&before, &after) {
             if is_setting(section, before, now) {
                 remarks.push(format!("{section} {} before, {} now", entry(before), entry(now)));
             } else if section == FIELDS {
@@ -196,6 +201,24 @@ fn hash_network_fields(region: &str, rve: &FiberRve, hash: &mut Option<Fnv>) {
 
 fn name_of(file: &Path) -> PathBuf {
     file.file_name().map_or_else(|| file.into(), PathBuf::from)
+}
+
+/// The settings of `[micro]` that have a line only if they are not the default, as in cases of earlier versions.
+const OPTIONAL: [&str; 2] = ["device = ", "lanes = "];
+
+/// Returns a case without the lines of [`OPTIONAL`], and these.
+fn without_optional(case: &str) -> (String, [Option<&str>; OPTIONAL.len()]) {
+    let (mut rest, mut found, mut section) = (String::with_capacity(case.len()), [None; OPTIONAL.len()], "");
+    for line in case.lines() {
+        if line.starts_with('[') {
+            section = line;
+        }
+        match OPTIONAL.iter().position(|key| section == "[micro]" && line.starts_with(key)) {
+            Some(setting) => found[setting] = Some(line),
+            None => rest.extend([line, "\n"]),
+        }
+    }
+    (rest, found)
 }
 
 struct Difference<'a> {
@@ -354,5 +377,26 @@ mod tests {
             }
         }
         assert_eq!(sum(&laws[13]), sum(&Law::custom(Hooke(1.0))));
+    }
+
+    /// Settings that have no line at their default leave the lines of the tables behind them where they are.
+    #[test]
+    fn a_setting_may_change_from_its_default_and_back() {
+        let of = |micro: &str| Identity {
+            program: "1".into(),
+            backend: "sparse".into(),
+            case: format!("[[region]]\nlanes = 3\n[micro]\npredictor = true\n{micro}[scales]\nmacro = 1\n[output]\n"),
+            mesh: 0,
+            networks: 0,
+        };
+        let [plain, off, device] = ["", "lanes = \"off\"\n", "device = \"cuda\"\nlanes = \"mixed\"\n"].map(of);
+        assert_eq!(plain.check(&plain), Ok(vec![]));
+        assert_eq!(plain.check(&off), Ok(vec!["[micro] the default before, `lanes = \"off\"` now".into()]));
+        let message = |setting: &str| format!("[micro] {setting} before, the default now");
+        let both = ["`device = \"cuda\"`", "`lanes = \"mixed\"`"].map(message).to_vec();
+        assert_eq!(device.check(&plain), Ok(both));
+        assert_eq!(off.check(&device).map(|remarks| remarks.len()), Ok(2));
+        let other = Identity { case: off.case.replace("lanes = 3", "lanes = 4"), ..off.clone() };
+        assert!(matches!(off.check(&other), Err(Mismatch::Case { section, .. }) if section == "[[region]]"));
     }
 }

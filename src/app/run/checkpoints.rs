@@ -34,7 +34,8 @@ impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
         restored.map_err(|reason| ResumeError::State(path, Box::new(reason)))?;
         self.written = written;
         // The cost of restoring is not part of the next step.
-        let _ = (self.stepper.field().take_stats(), self.stepper.field().take_times());
+        let field = self.stepper.field();
+        let _ = (field.take_stats(), field.take_times(), field.take_costs(), field.take_balance());
         Ok(Resumed { step: state.completed_steps, warnings })
     }
 

@@ -11,7 +11,7 @@ use crate::fem::stepping::{ConvergedStep, FailedAttempt, StepObserver, Stepper};
 use crate::las::{NewtonSeconds, RealBackend};
 use crate::tissue::micro_scale::{RveCost, SampledField, TissueField, TissueMaterial};
 
-/// Number of RVEs of each network that are solved.
+/// Number of RVEs of each network that are solved, if lanes do not take more at once.
 const SAMPLES: usize = 3;
 
 /// What an evaluation costs, on average over those of the first load step. In this step, the networks respond as at

@@ -73,8 +73,15 @@ pub(super) use with_block;
 /// Computes volumes and shape-function gradients of all integration points.
 ///
 /// # Errors
-/// Returns [`GeometryError`] for the first degenerate element.
+/// Returns [`GeometryError`] for the first degenerate element; if the mesh is a part, with its number in the whole one.
 pub fn geometry(mesh: &Mesh) -> Result<Geometry, GeometryError> {
+    of_elements(mesh).map_err(|error| {
+        let element = mesh.part().map_or(error.element, |part| part.elements[error.element] as usize);
+        GeometryError { element, ..error }
+    })
+}
+
+fn of_elements(mesh: &Mesh) -> Result<Geometry, GeometryError> {
     use element::reference::{Hex8, Hex20, Hex27, Tet4, Tet10, Wedge6};
     let of_block = |block: &mesh::Block<ElementType>| {
         Ok(match block.cell_type() {

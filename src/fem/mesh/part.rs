@@ -169,8 +169,7 @@ impl Mesh {
             patch_of.extend(patch.iter().map(|&element| (element as usize, number)));
         }
         let mut elements = vec![Vec::new(); *ranks];
-        for element in 0..self.elements.len() {
-            let rank = rank_of_element[element];
+        for (element, &rank) in rank_of_element.iter().enumerate() {
             let mut add = |rank: u32| elements[rank as usize].push(element as u32);
             match patch_of.get(&element) {
                 Some(&patch) => ranks_of_patches[patch].iter().copied().for_each(add),

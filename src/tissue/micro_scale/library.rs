@@ -174,6 +174,11 @@ impl<B: RealBackend> Library<B> {
         self.batch_solvers[model].is_some()
     }
 
+    /// Number of RVEs of a model that are solved at once ([`BatchSolver::group`]); 1 without a solver of batches.
+    pub(super) fn group(&self, model: usize) -> usize {
+        self.batch_solver(model).map_or(1, |solver| solver.group())
+    }
+
     /// Bytes of memory in which each thread solves batches.
     pub fn batch_bytes_per_thread(&self) -> usize {
         let locked = (0..self.models.len()).filter_map(|model| self.batch_solver(model));

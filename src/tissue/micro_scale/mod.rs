@@ -254,6 +254,7 @@ impl<B: RealBackend> PointField for TissueField<B> {
             self.create_existing();
         }
         let Self { sites, units, .. } = self;
+        units.forget_failed_rve();
         // Points that need no RVE come first: an inverted point there fails before any RVE is solved.
         sites.evaluate(gradients, out)?;
         units.solve(&|_, point| sites.is_awake(point).then(|| gradients[point]))?;
@@ -268,6 +269,7 @@ impl<B: RealBackend> PointField for TissueField<B> {
 
     fn verify(&mut self, gradients: &[Matrix3<f64>], out: &mut PointResponses) -> Result<bool, Self::Error> {
         let Self { sites, units, .. } = self;
+        units.forget_failed_rve();
         let replaced = units.verify(&|_, point| sites.is_awake(point).then(|| gradients[point]))?;
         for &number in &replaced {
             let point = units.points()[number];

@@ -26,7 +26,8 @@ pub struct SampledField<B: Backend> {
 }
 
 impl<B: RealBackend> TissueField<B> {
-    /// Creates at most `per_model` RVEs of each network, spread over its points, and no others.
+    /// Creates at most `per_model` RVEs of each network, spread over its points, and no others; at most as many as are
+    /// solved at once if these are more, because a group that is not full makes each RVE seem to cost more.
     ///
     /// # Errors
     /// Returns [`LibraryError::Model`] if a network has no response at rest.
@@ -39,8 +40,9 @@ impl<B: RealBackend> TissueField<B> {
             of_model[model.unwrap_or(models)].push(point);
         }
         let mut sampled = Vec::with_capacity(per_model * of_model.len());
-        for points in &of_model {
-            let samples = per_model.min(points.len());
+        for (model, points) in of_model.iter().enumerate() {
+            let group = if model < models { self.units.library().group(model) } else { 1 };
+            let samples = per_model.max(group).min(points.len());
             sampled.extend((0..samples).map(|k| points[(2 * k + 1) * points.len() / (2 * samples)]));
         }
         sampled.sort_unstable();
@@ -124,7 +126,9 @@ mod tests {
     use super::*;
     use crate::backends::sparse::Sparse;
     use crate::fem::mesh::shapes::cuboid;
-    use crate::fiber::rve::StressScale;
+    use crate::fiber::batch::BatchSolver;
+    use crate::fiber::rve::{RveModel, StressScale};
+    use crate::rve_batch::LaneBatch;
     use crate::tissue::materials::{FiberRve, Materials, NetworkAssignment, Region, RegionMaterial, RveLifecycle};
     use crate::tissue::micro_scale::TissueMaterial;
 
@@ -147,12 +151,20 @@ mod tests {
 
     #[test]
     fn only_the_sampled_rves_are_created() {
-        let models = body().library().models().len();
-        let mut sampled = body().sampled(3).unwrap();
-        assert_eq!(sampled.units.len(), 3 * models, "three of each network");
-        assert!(sampled.units.points().is_sorted());
-        sampled.update(&[Matrix3::identity() * 1.01; 48], &mut PointResponses::default()).unwrap();
-        assert_eq!(sampled.take_costs()[0].len(), 3 * models);
+        for per_model in [3, 11] {
+            let mut body = body();
+            let make = |model: &RveModel<Sparse>| {
+                Ok::<_, String>(LaneBatch::new(model, true).map(|lanes| Box::new(lanes) as Box<dyn BatchSolver>))
+            };
+            body.solve_in_batches(make).unwrap();
+            let library = body.library();
+            let expected: usize = (0..library.models().len()).map(|model| library.group(model).max(per_model)).sum();
+            let mut sampled = body.sampled(per_model).unwrap();
+            assert_eq!(sampled.units.len(), expected, "so many of each network, or a full group of lanes");
+            assert!(sampled.units.points().is_sorted());
+            sampled.update(&[Matrix3::identity() * 1.01; 48], &mut PointResponses::default()).unwrap();
+            assert_eq!(sampled.take_costs()[0].len(), expected);
+        }
     }
 
     #[test]

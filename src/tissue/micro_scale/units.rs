@@ -242,6 +242,11 @@ impl<B: RealBackend> Units<B> {
         self.failed_rve.lock().unwrap_or_else(PoisonError::into_inner).take()
     }
 
+    /// Forgets the RVE that made an earlier solve fail, from which the caller may have recovered.
+    pub fn forget_failed_rve(&mut self) {
+        *self.failed_rve.get_mut().unwrap_or_else(PoisonError::into_inner) = None;
+    }
+
     /// Makes the current equilibria the start of the next load step.
     pub fn commit(&mut self) {
         self.units.par_iter_mut().for_each(Unit::commit);

@@ -242,6 +242,11 @@ impl<'a, C: Comm, B: RealBackend> ScaleField<'a, C, B> {
         Ok(failure)
     }
 
+    /// Forgets the RVE that made an earlier evaluation fail, from which the caller may have recovered.
+    fn forget_failed_rve(&mut self) {
+        *self.failed_rve.get_mut().unwrap_or_else(PoisonError::into_inner) = None;
+    }
+
     /// Ends a step on the micro scale and stores its reports.
     fn end_step(&mut self, converged: bool) -> Result<(), TwoScaleError> {
         let EndedStep { mut summaries, reports, iterations } = self.micro.end_step(converged)?;
@@ -259,7 +264,10 @@ impl<'a, C: Comm, B: RealBackend> ScaleField<'a, C, B> {
         self.reports.bytes = reports.iter().map(|report| report.bytes).sum();
         let balance = self.reports.balance.get_mut().unwrap_or_else(PoisonError::into_inner);
         balance.skill = reports.first().and_then(|report| report.skill);
-        balance.migrations.extend(self.micro.take_migrations());
+        let migrations = self.micro.take_migrations();
+        if is_root {
+            balance.migrations.extend(migrations);
+        }
         let mut costs = Vec::new();
         for report in reports {
             costs.resize_with(report.costs.len(), Vec::new);
@@ -297,6 +305,7 @@ impl<C: Comm, B: RealBackend> PointField for ScaleField<'_, C, B> {
     type Error = TissueFieldError;
 
     fn update(&mut self, gradients: &[Matrix3<f64>], out: &mut PointResponses) -> Result<(), Self::Error> {
+        self.forget_failed_rve();
         // Points that need no RVE come first: an inverted point there fails before any RVE is solved.
         let evaluated = self.sites.evaluate(gradients, out);
         match &self.divided {
@@ -311,6 +320,7 @@ impl<C: Comm, B: RealBackend> PointField for ScaleField<'_, C, B> {
     }
 
     fn verify(&mut self, gradients: &[Matrix3<f64>], out: &mut PointResponses) -> Result<bool, Self::Error> {
+        self.forget_failed_rve();
         self.evaluate(Task::Verify, gradients, out)
     }
 
