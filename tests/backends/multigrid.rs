@@ -197,6 +197,33 @@ fn the_cycle_is_symmetric_and_positive_and_both_precisions_agree() {
     assert!(dot(&difference, &difference).sqrt() < 1e-5 * dot(&mx, &mx).sqrt());
 }
 
+/// A hierarchy takes over the memory of the one before, whose prolongation has another pattern.
+#[test]
+fn a_hierarchy_has_the_bits_of_a_first_one() {
+    let mesh = shapes::cuboid([12; 3], [1.0; 3]).unwrap();
+    let stiff_core = |x: [f64; 3]| if x.iter().all(|x| (x - 0.5).abs() < 0.25) { 1e6 } else { 1.0 };
+    let systems = [cube(12), elasticity(&mesh, |x| [x[0] == 0.0; 3], stiff_core)];
+    let n = systems[0].matrix.pattern().rows();
+    for single_precision in [true, false] {
+        let mut params = MultigridParams::default();
+        params.single_precision = single_precision;
+        let new = || Multigrid::new(systems[0].matrix.pattern(), Symmetry::Definite, params).unwrap();
+        let set_up_and_apply = |multigrid: &mut Multigrid, system: &System| -> Vec<u64> {
+            multigrid.set_near_null_space(&system.near_null_space).unwrap();
+            multigrid.set_up(&system.matrix).unwrap();
+            let mut z = Vector::from(vec![0.0; n]);
+            multigrid.apply(&right_hand_side(n), &mut z).unwrap();
+            z.as_slice().iter().map(|z| z.to_bits()).collect()
+        };
+        let first = [0, 1].map(|number| set_up_and_apply(&mut new(), &systems[number]));
+        assert_ne!(first[0], first[1]);
+        let mut multigrid = new();
+        for number in [0, 1, 0, 1] {
+            assert!(set_up_and_apply(&mut multigrid, &systems[number]) == first[number], "{single_precision} {number}");
+        }
+    }
+}
+
 #[test]
 fn a_solver_in_single_precision_has_multigrid_too() {
     let system = cube(8);

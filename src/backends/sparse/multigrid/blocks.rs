@@ -105,9 +105,25 @@ impl<T: Entry> BlockMatrix<T> {
         bytemuck::cast_slice(&self.values)
     }
 
-    /// Returns zeros with the pattern of this matrix.
-    pub fn zeros_like<U: Entry>(&self) -> BlockMatrix<U> {
-        BlockMatrix::zeros(self.size, self.cols, self.offsets.clone(), self.columns.clone())
+    /// Creates a matrix whose values are to be overwritten, in the memory of `values` if there is enough.
+    pub fn in_memory_of(
+        mut values: Vec<T>,
+        size: (usize, usize),
+        cols: usize,
+        offsets: Vec<u32>,
+        columns: Vec<u32>,
+    ) -> Self {
+        let len = columns.len() * size.0 * size.1;
+        if values.capacity() < len {
+            return Self::zeros(size, cols, offsets, columns);
+        }
+        values.resize(len, T::zero());
+        Self { size, cols, offsets, columns, values }
+    }
+
+    /// Returns a matrix with the pattern of this one, whose values are to be overwritten, as [`BlockMatrix::in_memory_of`].
+    pub fn like<U: Entry>(&self, values: Vec<U>) -> BlockMatrix<U> {
+        BlockMatrix::in_memory_of(values, self.size, self.cols, self.offsets.clone(), self.columns.clone())
     }
 
     /// Copies a matrix of the same pattern and other precision, divided by `unit`.

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::blocks::{BlockMatrix, Entry};
-use super::level::Level;
+use super::level::{Level, Memory};
 use super::prolongation::NodeModes;
 use super::smoother::SingularBlock;
 use super::{LevelSize, MultigridParams};
@@ -42,12 +42,14 @@ impl From<Failure> for SetupError {
 }
 
 impl<T: Entry> Hierarchy<T> {
-    /// Builds the levels for the matrix `a`, on which the vectors `modes` are almost zero.
+    /// Builds the levels for the matrix `a`, on which the vectors `modes` are almost zero, with the memory of the finest level
+    /// of an earlier hierarchy.
     pub fn new(
         a: &BlockMatrix<f64>,
         modes: NodeModes,
         params: &MultigridParams,
         symmetry: Symmetry,
+        mut memory: Memory<T>,
     ) -> Result<Self, SetupError> {
         let unit = unit_of(a);
         let (mut levels, mut modes, mut threshold) = (Vec::<Level<T>>::new(), modes, params.strength);
@@ -55,15 +57,20 @@ impl<T: Entry> Hierarchy<T> {
             let finest = levels.is_empty();
             let a = levels.last().map_or(a, Level::coarse);
             let singular = |block: SingularBlock| SetupError::Singular(finest.then_some(block.row));
-            let Some((level, coarse_modes)) = Level::new(a, &modes, threshold, params, unit).map_err(singular)? else {
-                break;
-            };
+            let memory = std::mem::take(&mut memory);
+            let built = Level::new(a, &modes, threshold, params, unit, memory).map_err(singular)?;
+            let Some((level, coarse_modes)) = built else { break };
             levels.push(level);
             // Couplings of a coarse matrix are weaker, because smoothing spreads them.
             (modes, threshold) = (coarse_modes, 0.5 * threshold);
         }
         let coarsest = Coarsest::new(levels.last().map_or(a, Level::coarse), symmetry)?;
         Ok(Self { levels, coarsest, unit })
+    }
+
+    /// Returns the memory for another hierarchy.
+    pub fn into_memory(self) -> Memory<T> {
+        self.levels.into_iter().next().map_or_else(Memory::default, Level::into_memory)
     }
 
     /// Computes all numbers from a matrix of the same pattern.

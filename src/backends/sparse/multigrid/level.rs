@@ -39,6 +39,16 @@ pub(super) struct Level<T> {
     setup: Setup,
 }
 
+/// The large arrays of a level, which the next hierarchy takes over: memory that is returned to the system and requested
+/// again costs the time in which the system clears it.
+#[derive(Default)]
+pub(super) struct Memory<T> {
+    a: Vec<T>,
+    p: Vec<T>,
+    r: Vec<T>,
+    prolongation: Vec<f64>,
+}
+
 /// What the setup of a level computes in double precision.
 struct Setup {
     aggregates: Aggregates,
@@ -64,6 +74,7 @@ impl<T: Entry> Level<T> {
         threshold: f64,
         params: &MultigridParams,
         unit: f64,
+        memory: Memory<T>,
     ) -> Result<Option<(Self, NodeModes)>, SingularBlock> {
         let unknowns = a.rows() * a.size.0;
         if unknowns <= params.coarsest {
@@ -75,7 +86,7 @@ impl<T: Entry> Level<T> {
             return Ok(None);
         }
         let (tentative, coarse_modes) = tentative(&aggregates, modes);
-        let prolongation = Prolongation::new(a, &aggregates, tentative.vectors, params.drop_below);
+        let prolongation = Prolongation::new(a, &aggregates, tentative.vectors, params.drop_below, memory.prolongation);
         let (r, transposes) = prolongation.p.transposed_pattern();
         let coarse = galerkin::zeros(a, &prolongation.p, &r);
         let setup = Setup {
@@ -90,10 +101,10 @@ impl<T: Entry> Level<T> {
         };
         let zeros = || vec![T::zero(); unknowns];
         let mut level = Self {
-            a: a.zeros_like(),
+            a: a.like(memory.a),
             smoother: Smoother::new(a),
-            p: setup.prolongation.p.zeros_like(),
-            r: r.zeros_like(),
+            p: setup.prolongation.p.like(memory.p),
+            r: r.like(memory.r),
             b: zeros(),
             x: zeros(),
             work: zeros(),
@@ -106,6 +117,12 @@ impl<T: Entry> Level<T> {
     /// Computes all numbers of the level from a matrix of the same pattern.
     pub fn update(&mut self, a: &BlockMatrix<f64>, params: &MultigridParams, unit: f64) -> Result<(), SingularBlock> {
         self.compute(a, params, unit, POWER_ITERATIONS)
+    }
+
+    /// Returns the memory for the level of another hierarchy.
+    pub fn into_memory(self) -> Memory<T> {
+        let prolongation = self.setup.prolongation.p.values;
+        Memory { a: self.a.values, p: self.p.values, r: self.r.values, prolongation }
     }
 
     /// Returns the matrix of the next level.

@@ -75,6 +75,7 @@ use crate::parallel;
 pub(in crate::backends) use blocks::{BlockMatrix as Blocks, Entry};
 use blocks::{BlockMatrix, MOST, padded};
 use hierarchy::{Hierarchy, SetupError};
+use level::Memory;
 use nodes::Nodes;
 #[cfg(feature = "cuda")]
 pub(in crate::backends) use parts::{LevelParts, Parts};
@@ -201,13 +202,18 @@ impl Multigrid {
 
     /// Builds the hierarchy for the matrix copied last.
     pub(in crate::backends) fn build(&mut self) -> Result<(), Failure> {
-        self.hierarchy = None;
+        let (mut single, mut double) = (Memory::default(), Memory::default());
+        match self.hierarchy.take() {
+            Some(AnyHierarchy::Single(hierarchy)) => single = hierarchy.into_memory(),
+            Some(AnyHierarchy::Double(hierarchy)) => double = hierarchy.into_memory(),
+            None => {}
+        }
         let modes = self.node_modes();
         let Self { a, params, symmetry, .. } = self;
         let built = if params.single_precision {
-            Hierarchy::new(a, modes, params, *symmetry).map(AnyHierarchy::Single)
+            Hierarchy::new(a, modes, params, *symmetry, single).map(AnyHierarchy::Single)
         } else {
-            Hierarchy::new(a, modes, params, *symmetry).map(AnyHierarchy::Double)
+            Hierarchy::new(a, modes, params, *symmetry, double).map(AnyHierarchy::Double)
         };
         self.hierarchy = Some(built.map_err(|error| self.failed(error))?);
         Ok(())

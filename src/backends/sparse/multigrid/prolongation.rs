@@ -115,11 +115,18 @@ pub(super) struct Prolongation {
 }
 
 impl Prolongation {
-    /// Creates zeros in the pattern of the prolongation.
-    pub fn new(a: &BlockMatrix<f64>, aggregates: &Aggregates, vectors: usize, drop_below: f64) -> Self {
+    /// Finds the pattern of the prolongation; its numbers come from [`Prolongation::smooth`], in the memory of `values`.
+    pub fn new(
+        a: &BlockMatrix<f64>,
+        aggregates: &Aggregates,
+        vectors: usize,
+        drop_below: f64,
+        values: Vec<f64>,
+    ) -> Self {
         let keeps = kept_blocks(a, drop_below);
         let (offsets, columns) = pattern(a, aggregates, &keeps);
-        Self { p: BlockMatrix::zeros((a.size.0, vectors), aggregates.count, offsets, columns), keeps }
+        let size = (a.size.0, vectors);
+        Self { p: BlockMatrix::in_memory_of(values, size, aggregates.count, offsets, columns), keeps }
     }
 
     /// Computes the numbers from the inverse diagonal blocks `D^-1` of the matrix.
