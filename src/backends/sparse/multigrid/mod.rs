@@ -181,12 +181,15 @@ impl Multigrid {
     ///
     /// # Errors
     /// Returns [`SolveError::Size`] if the length of a vector is not the number of unknowns.
-    pub fn set_near_null_space(&mut self, vectors: &[Vec<f64>]) -> Result<(), Failure> {
+    pub fn set_near_null_space<T: Scalar>(&mut self, vectors: &[Vec<T>]) -> Result<(), Failure> {
         for vector in vectors {
             check_size("a vector of the near null space", vector.len(), self.pattern.rows())?;
         }
-        self.near_null_space.clear();
-        self.near_null_space.extend_from_slice(&vectors[..vectors.len().min(MOST_VECTORS)]);
+        self.near_null_space.resize(vectors.len().min(MOST_VECTORS), Vec::new());
+        parallel::map(self.near_null_space.iter_mut().zip(vectors), |(to, from)| {
+            to.clear();
+            to.extend(from.iter().map(|value| value.as_f64()));
+        });
         Ok(())
     }
 
@@ -339,7 +342,7 @@ fn for_each_row<V: Send>(
     values: &mut [V],
     of_row: impl Fn(usize, &mut [V]) + Sync + Send,
 ) {
-    const ROWS: usize = 2048;
+    const ROWS: usize = 512;
     let rows = offsets.len() - 1;
     let tasks = (0..rows).step_by(ROWS).map(|first| first..rows.min(first + ROWS));
     let values_of = |rows: std::ops::Range<usize>| (offsets[rows.end] - offsets[rows.start]) as usize * len;

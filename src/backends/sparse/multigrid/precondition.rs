@@ -87,8 +87,7 @@ impl<T: SparseScalar> ApproximateInverse<Sparse<T>> for Precondition {
     }
 
     fn set_near_null_space(&mut self, vectors: &[Vec<T>]) -> Result<(), Failure> {
-        let double = |x: &Vec<T>| x.iter().map(|x| x.as_f64()).collect();
-        self.multigrid.set_near_null_space(&vectors.iter().map(double).collect::<Vec<_>>())
+        self.multigrid.set_near_null_space(vectors)
     }
 }
 
