@@ -248,6 +248,7 @@ fn two_scale(_: &Device) {
             tolerance = 1e-12
             [micro]
             device = "{device}"
+            lanes = "off"
             "#
         );
         let file = folder.path().join(format!("{device}.toml"));

@@ -141,14 +141,6 @@ impl NetworkBatch {
         let interior = self.uniform.interior as usize;
         let of_sensitivities = self.sensitivities();
         let of_predicts = if self.keeps_sensitivities { capacity } else { 0 };
-        let host = Host {
-            gradients: self.queue.staging(9 * capacity)?,
-            positions: self.queue.staging(3 * interior * capacity)?,
-            sensitivities: self.queue.staging(of_sensitivities * capacity)?,
-            predicts: self.queue.staging(of_predicts)?,
-            targets: self.queue.staging(9 * capacity)?,
-            results: self.queue.staging(RESULT_LEN * capacity)?,
-        };
         let queue = &self.queue;
         let numbers = |per_network: usize| queue.zeros::<f64>(per_network * capacity);
         let singles = || queue.zeros::<f32>(of_sensitivities * capacity);
@@ -168,6 +160,15 @@ impl NetworkBatch {
             targets: numbers(9)?,
             reached: numbers(3 * interior)?,
             results: numbers(RESULT_LEN)?,
+        };
+        // Locking pages of the host takes long, in vain if the device has no memory left.
+        let host = Host {
+            gradients: self.queue.staging(9 * capacity)?,
+            positions: self.queue.staging(3 * interior * capacity)?,
+            sensitivities: self.queue.staging(of_sensitivities * capacity)?,
+            predicts: self.queue.staging(of_predicts)?,
+            targets: self.queue.staging(9 * capacity)?,
+            results: self.queue.staging(RESULT_LEN * capacity)?,
         };
         self.networks = Some(Networks { capacity, count, in_order, in_tiles, host });
         Ok(())
