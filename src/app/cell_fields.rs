@@ -1,5 +1,7 @@
 //! The fields of the elements in the field files: values of integration points and their averages.
 
+use std::ops::Range;
+
 use nalgebra::{Matrix3, Vector3};
 
 use super::formula_fibers::DeformedFamilies;
@@ -66,10 +68,7 @@ impl CellFields {
         cells
     }
 
-    fn push_fibers(
-        &mut self,
-        (orientation, direction, alignment, [min, max]): (Matrix3<f64>, Vector3<f64>, f64, [f64; 2]),
-    ) {
+    fn push_fibers(&mut self, (orientation, direction, alignment, [min, max]): Fibers) {
         self.orientation.push(row_major(&orientation));
         self.direction.push(direction.into());
         self.alignment.push(alignment);
@@ -122,9 +121,8 @@ impl CellFields {
     }
 
     /// Returns the fields of the elements, given those of the points and the volumes of the points. Numbers and tensors
-    /// are averaged by volume, except for the smallest and the largest stretch, the most iterations and the highest
-    /// status; the fiber direction and the alignment are those of the averaged orientation tensor, and the network is
-    /// that of the first point.
+    /// are averaged by volume, except for the most iterations and the highest status. The fields of fibers and the network
+    /// are those of the points that have some: others wait for their RVE, or theirs is deleted.
     pub fn averaged(self, points: &PointNumbering, volumes: &[f64]) -> Self {
         if points.len() == points.elements() {
             return self;
@@ -139,26 +137,34 @@ impl CellFields {
             cells.cauchy.push(average(weights, self.cauchy[of.clone()].iter().copied()));
             cells.gradient.push(average(weights, self.gradient[of.clone()].iter().copied()));
             if has_fibers {
-                let orientation = average(weights, self.orientation[of.clone()].iter().copied());
-                let orientation = Matrix3::from_row_slice(&orientation);
-                let stretch_min = self.stretch_min[of.clone()].iter().copied().fold(f64::INFINITY, f64::min);
-                let stretch_max = self.stretch_max[of.clone()].iter().copied().fold(f64::NEG_INFINITY, f64::max);
-                // The trace is 1 with fibers.
-                cells.push_fibers(if orientation.trace() > 0.0 {
-                    let (direction, largest) = principal(&orientation);
-                    (orientation, direction, largest - 1.0 / 3.0, [stretch_min, stretch_max])
-                } else {
-                    Default::default()
-                });
+                cells.push_fibers(self.fibers_of(of.clone(), volumes).unwrap_or_default());
             }
             let highest = |values: &[i64]| values[of.clone()].iter().copied().max().unwrap_or(-1);
             cells.iterations.push(highest(&self.iterations));
             cells.status.push(highest(&self.status));
-            cells.network.push(self.network[of.start]);
+            cells.network.push(self.network[of.clone()].iter().copied().find(|&network| network >= 0).unwrap_or(-1));
         }
         cells
     }
+
+    /// Returns the fibers of those of the `points` that have any: the orientation tensor averaged by volume, its direction
+    /// and alignment, and the smallest and the largest stretch.
+    fn fibers_of(&self, points: Range<usize>, volumes: &[f64]) -> Option<Fibers> {
+        // The trace of an orientation tensor is 1 with fibers, and 0 without.
+        let trace = |point: usize| [0, 4, 8].into_iter().map(|entry| self.orientation[point][entry]).sum::<f64>();
+        let of: Vec<usize> = points.filter(|&point| trace(point) > 0.0).collect();
+        let weights: Vec<f64> = of.iter().map(|&point| volumes[point]).collect();
+        let orientation = average(&weights, of.iter().map(|&point| self.orientation[point]));
+        let orientation = Matrix3::from_row_slice(&orientation);
+        let smallest = of.iter().map(|&point| self.stretch_min[point]).reduce(f64::min)?;
+        let largest = of.iter().map(|&point| self.stretch_max[point]).reduce(f64::max)?;
+        let (direction, eigenvalue) = principal(&orientation);
+        Some((orientation, direction, eigenvalue - 1.0 / 3.0, [smallest, largest]))
+    }
 }
+
+/// The orientation tensor of fibers, their mean direction, their alignment, and their smallest and largest stretch.
+type Fibers = (Matrix3<f64>, Vector3<f64>, f64, [f64; 2]);
 
 /// Returns the weighted average of the values of an element's points.
 fn average<const N: usize>(weights: &[f64], values: impl Iterator<Item = [f64; N]>) -> [f64; N] {
@@ -167,4 +173,50 @@ fn average<const N: usize>(weights: &[f64], values: impl Iterator<Item = [f64; N
         sum.iter_mut().zip(value).for_each(|(sum, value)| *sum += value * weight);
     }
     sum.map(|sum| sum / total)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fem::mesh::QuadraticHexahedron;
+    use crate::fem::mesh::shapes::cuboid;
+
+    /// Points without fibers have 0 in all fields of fibers.
+    #[test]
+    fn fibers_of_an_element_are_those_of_its_points_that_have_some() {
+        let mesh = cuboid([1, 1, 1], [1.0; 3]).unwrap().quadratic(QuadraticHexahedron::Serendipity).unwrap();
+        let (points, count) = (mesh.points(), mesh.points().len());
+        let volumes: Vec<f64> = (0..count).map(|point| 1.0 + point as f64).collect();
+        let mut of_points = CellFields {
+            energy: vec![2.0; count],
+            von_mises: vec![3.0; count],
+            cauchy: vec![[4.0; 9]; count],
+            gradient: vec![row_major(&Matrix3::identity()); count],
+            iterations: vec![-1; count],
+            status: vec![3; count],
+            network: vec![-1; count],
+            ..CellFields::default()
+        };
+        // Two points of the first element have fibers along x and along y; no point of the second has any.
+        let [first, second] = [0, 1].map(|element| points.of_element(element));
+        let fibers = [(first.start + 1, 0, [0.8, 1.1]), (first.start + 2, 1, [0.9, 1.2])];
+        for point in 0..count {
+            let found = fibers.iter().find(|(of, ..)| *of == point);
+            of_points.push_fibers(found.map_or_else(Default::default, |&(_, axis, stretch)| {
+                let direction = Vector3::ith(axis, 1.0);
+                (direction * direction.transpose(), direction, 2.0 / 3.0, stretch)
+            }));
+        }
+        of_points.network[first.start + 1] = 7;
+        let cells = of_points.averaged(points, &volumes);
+        let share = volumes[first.start + 2] / (volumes[first.start + 1] + volumes[first.start + 2]);
+        let expected = Matrix3::from_diagonal(&[1.0 - share, share, 0.0].into());
+        assert!((Matrix3::from_row_slice(&cells.orientation[0]) - expected).amax() < 1e-15);
+        assert!((cells.alignment[0] - (share - 1.0 / 3.0)).abs() < 1e-15);
+        assert!((cells.direction[0][1].abs() - 1.0).abs() < 1e-15);
+        assert_eq!((cells.stretch_min[0], cells.stretch_max[0], cells.network[0]), (0.8, 1.2, 7));
+        assert!(!second.is_empty());
+        assert_eq!((cells.alignment[1], cells.stretch_min[1], cells.network[1]), (0.0, 0.0, -1));
+        assert!((cells.energy[0] - 2.0).abs() < 1e-15);
+    }
 }
