@@ -132,22 +132,27 @@ impl<W> Hashing<W> {
 
 impl<W: Write> Write for Hashing<W> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        match self.to.write_all(bytes) {
-            Ok(()) => {
-                self.hash.add_bytes(bytes);
-                self.bytes += bytes.len() as u64;
-            }
-            Err(error) => {
-                let kind = error.kind();
-                self.failed = Some(error);
-                return Err(kind.into());
-            }
-        }
+        let written = self.to.write_all(bytes);
+        self.keep_error(written)?;
+        self.hash.add_bytes(bytes);
+        self.bytes += bytes.len() as u64;
         Ok(bytes.len())
     }
 
     fn flush(&mut self) -> io::Result<()> {
-        self.to.flush()
+        let flushed = self.to.flush();
+        self.keep_error(flushed)
+    }
+}
+
+impl<W> Hashing<W> {
+    /// Keeps an error, whose text a serializer would replace by its own.
+    fn keep_error(&mut self, outcome: io::Result<()>) -> io::Result<()> {
+        outcome.map_err(|error| {
+            let kind = error.kind();
+            self.failed = Some(error);
+            kind.into()
+        })
     }
 }
 
@@ -187,5 +192,25 @@ mod tests {
         });
         assert_eq!(failed.unwrap_err().to_string(), "full");
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
+
+    /// A disk that is found full when a buffer is written.
+    #[test]
+    fn a_serializer_does_not_hide_the_error_of_the_disk() {
+        struct Full;
+        impl Write for Full {
+            fn write(&mut self, _: &[u8]) -> io::Result<usize> {
+                Err(io::Error::other("full"))
+            }
+
+            fn flush(&mut self) -> io::Result<()> {
+                Ok(())
+            }
+        }
+        for length in [1, 1 << 20] {
+            let mut out = Hashing { to: BufWriter::new(Full), hash: Fnv::new(), bytes: 0, failed: None };
+            assert!(postcard::to_io(&vec![7_u8; length], &mut out).is_err());
+            assert_eq!(out.failed.unwrap().to_string(), "full", "{length}");
+        }
     }
 }

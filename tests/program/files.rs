@@ -239,6 +239,34 @@ fn an_interrupted_run_prints_how_to_continue() {
     }
 }
 
+/// The case is a pipe into which nothing is written.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_run_may_be_interrupted_while_it_is_prepared() {
+    let folder = tempfile::tempdir().unwrap();
+    assert!(Command::new("mkfifo").arg(folder.path().join("case.toml")).status().unwrap().success());
+    let mut command = Command::new(env!("CARGO_BIN_EXE_biotissue"));
+    let command = command.args(["run", "case.toml"]).current_dir(folder.path()).stderr(Stdio::piped());
+    let mut child = command.spawn().unwrap();
+    if is_ignored(child.id(), 15) {
+        crate::skip::skip("the tests were started with SIGTERM ignored");
+        child.kill().unwrap();
+        child.wait().unwrap();
+        return;
+    }
+    // Without a handler, the signal ends the process by itself.
+    for _ in 0..5000 {
+        if signals(child.id(), "SigCgt:") >> 14 & 1 == 1 {
+            break;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(1));
+    }
+    assert!(Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap().success());
+    let output = child.wait_with_output().unwrap();
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert_eq!((output.status.code(), &*message), (Some(130), "interrupted before the first load step of this run\n"));
+}
+
 /// If checkpoints are not written after every step, an interrupted run first completes its step and writes one; a second
 /// interrupt ends it at once.
 #[test]
@@ -306,9 +334,14 @@ fn a_signal_that_is_ignored_at_the_start_remains_ignored() {
 
 /// Returns true if a process ignores a signal: SIGINT in the background of a script, SIGHUP under `nohup`.
 fn is_ignored(process: u32, signal: u32) -> bool {
-    let Ok(status) = std::fs::read_to_string(format!("/proc/{process}/status")) else { return false };
-    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:")).unwrap_or("0");
-    u64::from_str_radix(mask.trim(), 16).is_ok_and(|mask| mask >> (signal - 1) & 1 == 1)
+    signals(process, "SigIgn:") >> (signal - 1) & 1 == 1
+}
+
+/// Returns a set of signals of a process, one bit for each; empty on systems without it.
+fn signals(process: u32, set: &str) -> u64 {
+    let status = std::fs::read_to_string(format!("/proc/{process}/status")).unwrap_or_default();
+    let mask = status.lines().find_map(|line| line.strip_prefix(set)).unwrap_or("0");
+    u64::from_str_radix(mask.trim(), 16).unwrap_or(0)
 }
 
 /// Every case of `examples` is valid.

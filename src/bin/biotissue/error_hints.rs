@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use biotissue::app::case::{Case, RegionCase, RegionMaterial, RveParams};
+use biotissue::app::case::{Case, RegionMaterial, RveParams};
 use biotissue::app::checkpoint::CheckpointError;
 use biotissue::app::macro_scale::hint_of_constraint;
 use biotissue::app::results::ResultsError;
@@ -66,6 +66,13 @@ const TOO_FAR: &str = "from the start: check the supports of the body, and the s
 pub fn cure_of_step<F: std::error::Error + 'static>(reason: &StepFailure<TissueFieldError, F>, case: &Case) -> String {
     let cure = match reason {
         NewtonError::Problem(EquilibriumError::OffBranch(_)) => cure_of_branches(case),
+        // A body that its supports do not hold was refused before the first step.
+        NewtonError::Solve(SolveError::Singular { .. }) if has_networks(case) => {
+            "networks may resist no motion in some direction: give their material a `matrix`, or use networks with more fibers \
+             per node (`biotissue check` names those with motions that no fiber resists); if the body buckles, use more load \
+             steps"
+                .into()
+        }
         _ => cure_of_reason(reason, &case.micro),
     };
     // Adaptive increments have a limit of their own.
@@ -76,11 +83,14 @@ pub fn cure_of_step<F: std::error::Error + 'static>(reason: &StepFailure<TissueF
     }
 }
 
+fn has_networks(case: &Case) -> bool {
+    case.regions.iter().any(|region| matches!(region.material, RegionMaterial::FiberRve(_)))
+}
+
 /// Returns the cure if RVEs leave their branches of equilibria.
 fn cure_of_branches(case: &Case) -> String {
-    let has_networks = |region: &RegionCase| matches!(region.material, RegionMaterial::FiberRve(_));
     let cure = "raise `max_cuts` in [steps] and continue with --resume, or use more load steps (`count` in [steps]) and start again";
-    if case.regions.iter().any(has_networks) {
+    if has_networks(case) {
         return format!(
             "networks that are compressed, or that have motions which no fiber resists (`biotissue check` names those), are a \
              likely cause: give the material a `matrix`, or a stiffer one, or use networks with more fibers per node; otherwise \
@@ -132,8 +142,8 @@ fn cure_of_reason<F: std::error::Error + 'static>(
                 .into()
         }
         NewtonError::Problem(EquilibriumError::UnbalancedLoads { .. }) => {
-            "correct the loads if they do not balance at rest either (`biotissue check` warns of it); loads that do need not \
-             balance on the deformed body: hold it by [[boundary]] or [[point]] instead of `free = \"rigid\"`, or let the \
+            "correct the loads if they do not balance at rest either (`biotissue check` warns of it); loads that balance at \
+             rest may not balance on the deformed body: hold it by [[boundary]] or [[point]] instead of `free = \"rigid\"`, or let the \
              loads follow it (`pressure`)"
                 .into()
         }

@@ -3,8 +3,8 @@
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::process::exit;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use indicatif::ProgressBar;
 #[cfg(unix)]
@@ -37,13 +37,31 @@ pub struct Interrupted {
 /// complete at any moment. If converged steps have no checkpoint yet, the run first completes its current step and writes
 /// one. A second interrupt ends the process at once, also if the message cannot be written. Signals that the
 /// process was started to ignore stay ignored, such as SIGHUP under `nohup`.
-#[cfg(unix)]
 pub fn watch(run: Interrupted) {
+    *RUN.lock().unwrap_or_else(PoisonError::into_inner) = Some(run);
+    watch_signals();
+}
+
+/// Ends this process at an interrupt from now on, with the same exit code and a message, until [`watch`] names the run. Not
+/// for processes under `mpirun`, which the signal ends all, and of which one reports.
+pub fn watch_preparation() {
+    watch_signals();
+}
+
+/// The run that an interrupt ends; `None` while it is prepared.
+static RUN: Mutex<Option<Interrupted>> = Mutex::new(None);
+
+#[cfg(unix)]
+fn watch_signals() {
+    static IS_WATCHING: AtomicBool = AtomicBool::new(false);
+    if IS_WATCHING.swap(true, Ordering::Relaxed) {
+        return;
+    }
     // Without a handler an interrupt ends the process without a message, which is no reason not to run.
     let Ok(mut signals) = Signals::new(not_ignored()) else { return };
     let wait = move || {
         let mut signals = signals.forever();
-        if signals.next().is_some() && std::thread::Builder::new().spawn(move || run.end()).is_ok() {
+        if signals.next().is_some() && std::thread::Builder::new().spawn(end).is_ok() {
             signals.next();
         }
         exit(INTERRUPTED.into());
@@ -51,9 +69,21 @@ pub fn watch(run: Interrupted) {
     let _ = std::thread::Builder::new().spawn(wait);
 }
 
+/// Ends the run, or this process while there is none.
+#[cfg(unix)]
+fn end() {
+    let run = RUN.lock().unwrap_or_else(PoisonError::into_inner).clone();
+    if let Some(run) = run {
+        return run.end();
+    }
+    let mut stderr = std::io::stderr().lock();
+    let _ = writeln!(stderr, "interrupted before the first load step of this run");
+    exit(INTERRUPTED.into());
+}
+
 /// Does nothing on systems without these signals.
 #[cfg(not(unix))]
-pub fn watch(_: Interrupted) {}
+fn watch_signals() {}
 
 /// Returns the signals that this process was not started to ignore. If the system does not provide this information,
 /// SIGHUP is assumed to be ignored.

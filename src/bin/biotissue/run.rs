@@ -20,7 +20,7 @@ use crate::error_hints::{
     on_disk, replay_hint,
 };
 use crate::failure::Failure;
-use crate::interrupt::how_to_continue;
+use crate::interrupt::{self, how_to_continue};
 use crate::number::count;
 use crate::output;
 use crate::progress::Reporter;
@@ -78,6 +78,7 @@ pub fn run(command: RunCommand) -> Result<(), Failure> {
         return run_on_processes(processes, command);
     }
     ranks::check_requested(command.ranks)?;
+    interrupt::watch_preparation();
     let config = command.config()?;
     let time_out = command.time_out()?;
     let report_every = command.report_every()?;
@@ -171,7 +172,7 @@ impl Configuration {
 }
 
 fn print_summary(summary: &Summary, dir: &Path, json: bool) -> Result<(), Failure> {
-    let Summary { steps, iterations, cuts, wasted_iterations, seconds, .. } = summary;
+    let Summary { steps, resumed_from, iterations, cuts, wasted_iterations, seconds, .. } = summary;
     if json {
         return output::print_json(summary);
     }
@@ -180,9 +181,14 @@ fn print_summary(summary: &Summary, dir: &Path, json: bool) -> Result<(), Failur
         1 => format!(", and {wasted_iterations} in a failed increment"),
         _ => format!(", and {wasted_iterations} in {cuts} failed increments"),
     };
+    let of_this_run = match (resumed_from, steps - resumed_from) {
+        (0, _) => String::new(),
+        (_, 0) => " (none of them in this run)".to_owned(),
+        (_, taken) => format!(" ({taken} of them in this run)"),
+    };
     let scales = summary.scales.iter().map(|scales| format!("{}\n", balance_line(scales)));
     output::print(&format!(
-        "{}{steps} load step{}, {iterations} Newton iteration{}{failed}, {seconds:.1} s; results in {}",
+        "{}{steps} load step{}{of_this_run}, {iterations} Newton iteration{}{failed}, {seconds:.1} s; results in {}",
         scales.collect::<String>(),
         if *steps == 1 { "" } else { "s" },
         if *iterations == 1 { "" } else { "s" },
@@ -311,7 +317,11 @@ struct RunJob<'a> {
 #[derive(Serialize)]
 pub struct Summary {
     converged: bool,
+    /// Load steps of the case.
     steps: usize,
+    /// The step after which this run continued, which the following numbers leave out with those before.
+    #[serde(skip_serializing_if = "is_start")]
+    resumed_from: usize,
     iterations: usize,
     /// Number of increments that failed and were repeated in shorter ones.
     cuts: usize,
@@ -321,6 +331,12 @@ pub struct Summary {
     #[serde(skip_serializing_if = "Option::is_none")]
     scales: Option<ScalesLog>,
     directory: PathBuf,
+}
+
+/// Returns true for a run from the beginning.
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde passes a reference")]
+fn is_start(resumed_from: &usize) -> bool {
+    *resumed_from == 0
 }
 
 impl Job for RunJob<'_> {
@@ -367,7 +383,18 @@ pub fn take_steps<B: ProgramBackend, M: TissueMaterial>(
     match outcome {
         Ok(RunSummary { steps, iterations, cuts, wasted_iterations, seconds, scales }) => {
             let directory = dir.to_owned();
-            Ok(Summary { converged: true, steps, iterations, cuts, wasted_iterations, seconds, scales, directory })
+            let resumed_from = completed_steps;
+            Ok(Summary {
+                converged: true,
+                steps,
+                resumed_from,
+                iterations,
+                cuts,
+                wasted_iterations,
+                seconds,
+                scales,
+                directory,
+            })
         }
         Err(RunError::NotConverged { step, count, reached, halvings, reason, failed_rve, largest_residual }) => {
             let case = simulation.case();

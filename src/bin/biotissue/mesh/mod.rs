@@ -3,8 +3,9 @@
 mod info;
 mod summary;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
+use biotissue::app::mesh_files::ENDINGS;
 use biotissue::fem::element::ElementType;
 use biotissue::fem::mesh::gmsh::{self, Version, WriteOptions};
 use biotissue::fem::mesh::shapes::{self, DogboneShape, ShapeError, TubeShape};
@@ -215,6 +216,7 @@ pub fn run(command: MeshCommand) -> Result<(), Failure> {
         }
         MeshCommand::Info(arguments) => return info::run(&arguments),
     };
+    check_ending(&output.file)?;
     let mesh = order.apply(mesh.map_err(|error| shape_failure(&error))?, is_tube)?;
     let version = match output.format {
         Format::V2_2 => Version::V2_2,
@@ -224,6 +226,17 @@ pub fn run(command: MeshCommand) -> Result<(), Failure> {
     gmsh::write_with(&output.file, &mesh, WriteOptions { version, binary: output.binary })
         .map_err(|error| Failure::unwritable(&output.file, &error))?;
     summary::print(&output.file, &mesh, output.json)
+}
+
+/// Refuses the ending of another kind of file: the mesh would be read in another format than it has, or replace a case.
+fn check_ending(file: &Path) -> Result<(), Failure> {
+    let ending = file.extension().map(|ending| ending.to_ascii_lowercase());
+    let is_other = |other: &&str| *other != "msh" && ending.as_ref().is_some_and(|ending| ending == other);
+    if ENDINGS.iter().chain(&["vtk", "toml"]).any(is_other) {
+        let what = format!("invalid --output {}", file.display());
+        return Err(Failure::arguments(what, "a name that ends in .msh, for a file of Gmsh", "change the ending"));
+    }
+    Ok(())
 }
 
 /// Returns the failure for arguments that do not define a valid shape.

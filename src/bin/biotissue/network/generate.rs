@@ -91,6 +91,11 @@ pub fn run(arguments: &GenerateArguments) -> Result<(), Failure> {
     let types: Vec<_> = arguments.fibers.iter().map(FiberTypeArgument::material).collect::<Result<_, _>>()?;
     let request = Request { size, material, types };
     match (&arguments.output, &arguments.directory, arguments.count) {
+        (Some(output), ..) if output.extension().is_some_and(|ending| ending == "toml") => Err(Failure::arguments(
+            format!("invalid --output {}", output.display()),
+            "the name of a network file, such as network.txt; .toml is the ending of cases",
+            "change the ending",
+        )),
         (Some(output), ..) => {
             let (made, generated) = request.write(&params, output).map_err(|error| not_written(error, ""))?;
             print_summary(arguments, output, &params, &made, &generated)
