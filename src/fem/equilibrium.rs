@@ -227,7 +227,7 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
         body.ranks.sum(&mut squares).map_err(EquilibriumError::Backend)?;
         body.floor = Assembler::<B>::rounding_error_of(squares[0]);
         body.start_constraints();
-        body.commit()?;
+        body.commit(true)?;
         Ok(body)
     }
 
@@ -297,12 +297,12 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
         Ok(self.field.evolve()?)
     }
 
-    /// Commits the trial state, at which the residual was evaluated last.
+    /// Commits the trial state, at which the residual was evaluated last. `ends_step` is as for [`PointField::commit`].
     ///
     /// # Errors
     /// Returns [`EquilibriumError::PointField`] if the point field cannot commit.
-    pub fn commit(&mut self) -> Result<(), EquilibriumError<P::Error, B::Error>> {
-        self.field.commit()?;
+    pub fn commit(&mut self, ends_step: bool) -> Result<(), EquilibriumError<P::Error, B::Error>> {
+        self.field.commit(ends_step)?;
         std::mem::swap(&mut self.trial, &mut self.committed);
         self.reset_to_committed();
         Ok(())
@@ -364,7 +364,7 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
         self.evaluate_external_forces();
         self.evaluate_points()?;
         self.add_constraint_forces();
-        self.commit()
+        self.commit(true)
     }
 
     /// Starts a step to pseudo-time `t`: the trial state is the committed state with the prescribed displacements, the

@@ -117,12 +117,13 @@ pub trait PointField {
         Ok(false)
     }
 
-    /// Commits the micro states at the gradients of the last [`PointField::update`], at which the step converged. The
-    /// next step starts from them.
+    /// Commits the micro states at the gradients of the last [`PointField::update`], at which an increment converged. The
+    /// next one starts from them. `ends_step` is true at the end of a load step, and false at the end of an increment
+    /// within one.
     ///
     /// # Errors
     /// Returns an error if other ranks cannot be reached; the run then ends.
-    fn commit(&mut self) -> Result<(), Self::Error>;
+    fn commit(&mut self, ends_step: bool) -> Result<(), Self::Error>;
 
     /// Returns to the micro states and materials of the last [`PointField::commit`] after a failed step.
     ///
@@ -221,7 +222,7 @@ impl PointField for FormulaField {
         true
     }
 
-    fn commit(&mut self) -> Result<(), PointError> {
+    fn commit(&mut self, _: bool) -> Result<(), PointError> {
         Ok(())
     }
 

@@ -52,7 +52,7 @@ fn field(network: &Path, cells: usize) -> (f64, f64, f64) {
         field.update(&vec![gradient; mesh.elements().len()], &mut out).unwrap_or_else(|error| panic!("{error}"));
         assert_eq!(field.rve_bytes(), planned, "the memory does not change during a run");
         if k == 0 {
-            field.commit().unwrap();
+            field.commit(true).unwrap();
         }
     }
     drop(out);
@@ -84,7 +84,7 @@ fn pieces_of_a_checkpoint_are_written_and_read_one_state_at_a_time() {
     let mut field = new();
     let gradient = Matrix3::new(1.05, 0.01, 0.0, 0.0, 0.98, 0.0, 0.02, 0.0, 1.01);
     field.update(&vec![gradient; mesh.elements().len()], &mut PointResponses::default()).unwrap();
-    field.commit().unwrap();
+    field.commit(true).unwrap();
     let peak_of = |work: &mut dyn FnMut()| {
         let before = counting::in_use();
         counting::start_peak();

@@ -99,8 +99,8 @@ impl PointField for Slow {
         self.0.update(gradients, out)
     }
 
-    fn commit(&mut self) -> Result<(), PointError> {
-        self.0.commit()
+    fn commit(&mut self, ends_step: bool) -> Result<(), PointError> {
+        self.0.commit(ends_step)
     }
 
     fn revert(&mut self) -> Result<(), PointError> {

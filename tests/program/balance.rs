@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use biotissue::app::results::collection::field_file;
 use biotissue::app::results::{CostRow, read_costs, read_fields, read_points};
 use serde_json::Value;
 
@@ -252,6 +253,35 @@ fn the_costs_of_all_sweeps_are_recorded() {
     // A run without costs removes those of the run before.
     run(folder.path(), &text.replace("costs = true", ""), "--out alone").done();
     assert!(!folder.path().join("alone/costs.csv").exists());
+}
+
+/// A step in increments: the fields have the sum over all of them, and an RVE sleeps by its change in the whole step.
+#[test]
+fn iterations_and_sleep_of_rves_are_those_of_whole_steps() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = fibers(&frozen()).replace("cells = [1, 1, 1]", "cells = [2, 1, 1]").replace(
+        "law = {",
+        "matrix = { model = \"neo-hookean\", shear_modulus = 1000.0, poisson_ratio = 0.3 }\nlife = { asleep_below = 8e-3 }\nlaw = {",
+    );
+    let text = format!("{text}adaptive = {{ largest = 0.25 }}\n[output]\ncosts = true\n");
+    run(folder.path(), &text, "--out alone").done();
+    run(folder.path(), &restless(&text, (1, 3), BY_ITERATIONS), "--out shared").done();
+    for run in ["alone", "shared"] {
+        let folder = folder.path().join(run);
+        let costs = read_costs(&folder.join("costs.csv")).unwrap();
+        for (step, event) in (1..).zip(events(&folder).iter().filter(|event| event["event"] == "step")) {
+            assert_eq!((&event["increments"], &event["cuts"]), (&Value::from(4), &Value::from(0)));
+            assert_eq!(event["rve"]["asleep"], 0, "every RVE moves by more than 0.02");
+            let fields = read_fields(&folder.join(field_file(step))).unwrap();
+            let (_, iterations) = fields.cell_integers.iter().find(|(name, _)| name == "rve_iterations").unwrap();
+            for (rve, &of_rve) in (0..).zip(iterations) {
+                let rows = costs.iter().filter(|row| row.step == step && row.rve == rve);
+                assert_eq!(of_rve, rows.map(|row| i64::from(row.iterations)).sum::<i64>(), "{run}: RVE {rve}");
+            }
+        }
+    }
+    let loads = ["alone", "shared"].map(|run| read(folder.path(), &format!("{run}/loads.csv")));
+    assert_eq!(loads[0], loads[1]);
 }
 
 #[test]

@@ -6,6 +6,7 @@ mod balance;
 mod constraints;
 mod element_ranks;
 mod elements;
+mod failed_step;
 mod field_names;
 mod fields;
 mod files;

@@ -48,7 +48,7 @@ fn a_few_rves_of_each_network_are_solved() {
     );
 }
 
-/// Where the first step fails, the times up to the failure are reported; where RVEs wait, those that exist are solved.
+/// Where the first step fails, the times up to the failure are reported; RVEs that are to be created later are solved too.
 #[test]
 fn all_cases_are_measured() {
     let (pressed, text) = measured(&PRESSED.replace("count = 5", "count = 1"));
@@ -57,8 +57,18 @@ fn all_cases_are_measured() {
     let (waiting, text) = measured(&with_scales(&with_life_cycles(), (1, 3)));
     assert_eq!(waiting["forecast"]["of_case"]["micro"], 3);
     assert!(text.contains("this case    1 macro +      3 micro ranks: "), "{text}");
-    assert!(!waiting["networks"].as_array().unwrap().is_empty(), "{waiting}");
+    let [network] = &waiting["networks"].as_array().unwrap()[..] else { panic!("{waiting}") };
+    assert_eq!(network["rves"], 24, "all of the body");
+    assert!(number(&network["seconds"]) > 0.0 && number(&waiting["evaluations"]) > 0.0, "{waiting}");
     assert_eq!(waiting["failures"], 0);
+    // Their memory counts too.
+    let bytes = |text: &str| {
+        let folder = tempfile::tempdir().unwrap();
+        write_case(folder.path(), "case.toml", text);
+        line(folder.path(), "check case.toml --json").object()["memory"]["rves"].as_u64().unwrap()
+    };
+    let later = with_life_cycles();
+    assert_eq!(bytes(&later), bytes(&later.replace("created_at = 0.025, ", "")));
 }
 
 /// `--ranks` plans a run on so many ranks, and starts none.

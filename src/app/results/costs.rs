@@ -4,7 +4,7 @@
 //! verifications count), `rve` (the integration point, from 0, in the order of the elements), `network`
 //! (the name of its network, empty for an RVE without one), `iterations` (of Newton's method) and `seconds` (of
 //! computation on one thread). A sleeping RVE, and one whose deformation gradient has not changed, costs nothing. Where
-//! an RVE fails, the rows of the points above it are missing.
+//! an RVE fails, the rows of the points above it are missing, except those of other ranks, which solved theirs.
 
 use std::fs::{File, OpenOptions};
 use std::io::Write;

@@ -5,8 +5,11 @@ use std::path::Path;
 use super::writers::AgreedRecorder;
 use super::{ResumeError, Resumed, Simulation, WriterGroup, other_rank};
 use crate::app::checkpoint::body_pieces::{self, BodyState, BodyStatePiece};
-use crate::app::checkpoint::{self, Checkpoint, Identity};
+use crate::app::checkpoint::{self, Checkpoint};
 use crate::app::results::{self, CHECKPOINT_FOLDER, ResultsError, ResultsRecord, RunProgress};
+use crate::fem::equilibrium;
+use crate::fem::mesh::Mesh;
+use crate::fem::stepping::SavedState;
 use crate::las::RealBackend;
 use crate::tissue::micro_scale::{Piece, PieceError, TissueMaterial};
 use crate::tissue::two_scale::{pack, unpack};
@@ -107,40 +110,45 @@ impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
             None => Ok(agreed?),
         }
     }
+}
 
-    /// Writes a checkpoint of the last full step, unless the state lies within a later step. The main file is written
-    /// last, so that it never refers to results or pieces that do not exist.
-    pub(super) fn write_checkpoint(
-        &self,
-        dir: &Path,
-        recorder: &mut AgreedRecorder<'_, '_>,
-        identity: &Identity,
+impl AgreedRecorder<'_, '_> {
+    /// Writes a checkpoint of a state at the end of a step. The main file is written last, so that it never refers to results
+    /// or pieces that do not exist.
+    pub(super) fn write_checkpoint<M: TissueMaterial>(
+        &mut self,
+        saved: SavedState,
+        mesh: &Mesh,
+        state: &equilibrium::BodyState,
+        field: &M,
     ) -> Result<(), ResultsError> {
-        let Some(state) = self.stepper.saved() else { return Ok(()) };
+        let (dir, step) = (self.dir, saved.completed_steps);
         let mut written = ResultsRecord::default();
-        recorder.write(|recorder| {
+        self.write(|recorder| {
             written = recorder.flush()?;
             checkpoint::create_folder(dir).map(drop)
         })?;
-        let step = state.completed_steps;
-        let (body, pieces) = self.write_pieces(recorder.writers, dir, &checkpoint::stem(step))?;
-        recorder.write(|recorder| {
-            checkpoint::write(dir, identity, state, written, body, pieces)?;
+        let (body, pieces) = self.write_pieces_of(&checkpoint::stem(step), mesh, &state.displacements, field)?;
+        let identity = self.identity.clone();
+        self.write(|recorder| {
+            checkpoint::write(dir, &identity, saved, written, body, pieces)?;
             recorder.saved(step);
             Ok(())
-        })
+        })?;
+        self.saved = step;
+        Ok(())
     }
 
     /// Writes the pieces of all ranks of both scales, which are on the disk then. Returns them on the process that writes
     /// the main file; the others return only some.
-    fn write_pieces(
+    fn write_pieces_of<M: TissueMaterial>(
         &self,
-        writers: &dyn WriterGroup,
-        dir: &Path,
         stem: &str,
+        mesh: &Mesh,
+        displacements: &[[f64; 3]],
+        field: &M,
     ) -> Result<(Vec<BodyStatePiece>, Vec<Piece>), ResultsError> {
-        let (mesh, field, folder) = (self.stepper.mesh(), self.stepper.field(), dir.join(CHECKPOINT_FOLDER));
-        let displacements = &self.stepper.state().displacements;
+        let (writers, folder) = (self.writers, self.dir.join(CHECKPOINT_FOLDER));
         // Every process of a body that is not divided holds the same.
         let writes = mesh.part().is_some() || writers.is_writer();
         let written = field.save_units(&folder, stem).and_then(|pieces| {

@@ -200,10 +200,11 @@ impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
             Recorder::open(of_recorder, case, mesh, &self.networks, resumed.as_ref(), progress).map(Some)
         })?;
         let pieces = mesh.part().map(|_| files);
-        let mut recorder = AgreedRecorder { recorder: opened, pieces, writers };
+        let identity = self.identity();
+        let mut recorder = AgreedRecorder { dir, identity, saved: completed_steps, recorder: opened, pieces, writers };
         let start_of_run = Event::Start(self.start_event(completed_steps));
         recorder.write(|recorder| recorder.log(&start_of_run))?;
-        let outcome = self.take_steps(dir, &mut recorder);
+        let outcome = self.take_steps(&mut recorder);
         let seconds = start.elapsed().as_secs_f64();
         let steps = self.stepper.completed_steps();
         let reason = match &outcome {
@@ -249,14 +250,8 @@ impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
 
     /// Takes the remaining steps, with a checkpoint after every `[output] checkpoint` steps and at the end of the run;
     /// returns a summary without the wall time and the shares of the ranks.
-    fn take_steps(
-        &mut self,
-        dir: &Path,
-        recorder: &mut AgreedRecorder<'_, '_>,
-    ) -> Result<RunSummary, RunError<B::Error>> {
-        let identity = self.identity();
+    fn take_steps(&mut self, recorder: &mut AgreedRecorder<'_, '_>) -> Result<RunSummary, RunError<B::Error>> {
         let count = self.stepper.count();
-        let mut saved = self.stepper.completed_steps();
         let mut summary = RunSummary { steps: count, ..RunSummary::default() };
         while self.stepper.completed_steps() < count {
             match self.stepper.step(recorder) {
@@ -267,10 +262,6 @@ impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
                 }
                 Err(SteppingError::Stopped { reason, .. }) => return Err(reason.into()),
                 Err(SteppingError::NotConverged { step, reached, halvings, reason, largest_residual, .. }) => {
-                    // The run may be continued with other settings.
-                    if self.stepper.completed_steps() > saved && !is_final(&reason) {
-                        self.write_checkpoint(dir, recorder, &identity)?;
-                    }
                     let (reason, failed_rve) = (Box::new(reason), recorder.failed_rve());
                     return Err(RunError::NotConverged {
                         step,
@@ -285,9 +276,9 @@ impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
             }
             let step = self.stepper.completed_steps();
             let is_interrupted = step < count && recorder.is_interrupted()?;
-            if is_interrupted || step.is_multiple_of(self.case.output.checkpoint) || step == count {
-                self.write_checkpoint(dir, recorder, &identity)?;
-                saved = step;
+            let is_due = is_interrupted || step.is_multiple_of(self.case.output.checkpoint) || step == count;
+            if let Some(saved) = self.stepper.saved().filter(|_| is_due) {
+                recorder.write_checkpoint(saved, self.stepper.mesh(), self.stepper.state(), self.stepper.field())?;
             }
             if is_interrupted {
                 return Err(RunError::Interrupted(step));

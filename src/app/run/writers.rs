@@ -3,6 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use super::is_final;
+use crate::app::checkpoint::Identity;
 use crate::app::field_files::{FieldFiles, FieldState, PieceIndex};
 use crate::app::recorder::Recorder;
 use crate::app::results::ResultsError;
@@ -89,6 +91,11 @@ impl WriterGroup for () {
 
 /// Records a run if this process writes, and agrees with the other processes on the outcome of each write.
 pub(super) struct AgreedRecorder<'w, 'r> {
+    /// The directory of the run, and what its checkpoints belong to.
+    pub(super) dir: &'w Path,
+    pub(super) identity: Identity,
+    /// The step of the last checkpoint; 0 without one.
+    pub(super) saved: usize,
     pub(super) recorder: Option<Recorder<'r>>,
     /// The files of the part of this process, if the body is divided.
     pub(super) pieces: Option<Arc<FieldFiles>>,
@@ -147,6 +154,11 @@ impl<M: TissueMaterial, F: std::error::Error> StepObserver<M, F> for AgreedRecor
     }
 
     fn failed(&mut self, attempt: &FailedAttempt<'_, M, F>) -> Result<(), ResultsError> {
+        // If this run does not recover, another can continue with other settings.
+        let FailedAttempt { saved, mesh, state, field, reason, .. } = attempt;
+        if let Some(saved) = saved.as_ref().filter(|saved| saved.completed_steps > self.saved && !is_final(reason)) {
+            self.write_checkpoint(saved.clone(), mesh, state, *field)?;
+        }
         self.write(|recorder| recorder.failed(attempt))
     }
 }

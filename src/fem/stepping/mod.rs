@@ -106,6 +106,8 @@ struct Span {
     step: usize,
     from: f64,
     t: f64,
+    /// Whether the step ends there.
+    ends_step: bool,
 }
 
 impl<B: RealBackend, P: PointField> Stepper<B, P> {
@@ -184,7 +186,8 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
             let mut position = 0.0;
             while position < 1.0 {
                 let end = self.increments.end(&segment, position);
-                let span = Span { step, from: segment.time(position, count), t: segment.time(end, count) };
+                let ends_step = end >= 1.0 && segment.end >= step as f64;
+                let span = Span { step, from: segment.time(position, count), t: segment.time(end, count), ends_step };
                 let taken = (end - position) * (segment.end - segment.start);
                 let solves = report.solves.len();
                 if self.increment(span, taken, &mut report, observer)? {
@@ -218,7 +221,9 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
         let (step, count, t) = (span.step, self.params.count, span.t);
         let mut watch = |newton: &NewtonReport| observer.iterating(&Iterating { step, count, t, newton });
         let outcome = match self.attempt(t, report, &mut solves, &mut watch) {
-            Ok(()) => self.body.commit().map_err(|error| Self::unrecoverable(error, NewtonReport::default())),
+            Ok(()) => {
+                self.body.commit(span.ends_step).map_err(|error| Self::unrecoverable(error, NewtonReport::default()))
+            }
             Err(mut failed) => match self.locate_residual(&mut failed).and_then(|()| self.body.revert()) {
                 Ok(()) => Err(failed),
                 Err(error) => Err(Self::unrecoverable(error, failed.newton)),
@@ -248,12 +253,12 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
     /// Reports a failed attempt to the observer and halves the increment, unless that cannot help.
     fn cut<O: StepObserver<P, B::Error>>(
         &mut self,
-        Span { step, from, t }: Span,
+        Span { step, from, t, .. }: Span,
         taken: f64,
         Failed { reason, newton, unrecoverable, largest_residual, .. }: Failed<P::Error, B::Error>,
         observer: &mut O,
     ) -> Result<(), RunError<B, P, O::Error>> {
-        let (increment, halvings, field) = (t - from, self.increments.halvings, self.body.field());
+        let (increment, halvings) = (t - from, self.increments.halvings);
         let (reason_of, newton, residual) = (&reason, &newton, largest_residual.as_deref());
         let attempt = FailedAttempt {
             step,
@@ -261,7 +266,10 @@ impl<B: RealBackend, P: PointField> Stepper<B, P> {
             increment,
             halvings,
             reason: reason_of,
-            field,
+            field: self.body.field(),
+            state: self.body.committed(),
+            mesh: self.body.mesh(),
+            saved: self.saved(),
             newton,
             largest_residual: residual,
         };

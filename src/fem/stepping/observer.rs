@@ -1,8 +1,9 @@
 //! Observers of a run, which write results or show progress.
 
 use std::convert::Infallible;
+use std::sync::Arc;
 
-use super::{StepFailure, StepReport};
+use super::{SavedState, StepFailure, StepReport};
 use crate::fem::constraint::Constraints;
 use crate::fem::equilibrium::{BodyState, LargestResidual};
 use crate::fem::mesh::Mesh;
@@ -101,6 +102,13 @@ pub struct FailedAttempt<'a, P: PointField, F: std::error::Error> {
     pub reason: &'a StepFailure<P::Error, F>,
     /// The point field, reset to the last converged state.
     pub field: &'a P,
+    /// The last converged state, and the mesh that it belongs to; those of the part if the body is divided.
+    pub state: &'a BodyState,
+    /// The mesh.
+    pub mesh: &'a Arc<Mesh>,
+    /// That state, from which a run can continue, if it ends a full step: as [`Stepper::saved`](super::Stepper::saved) before
+    /// this attempt.
+    pub saved: Option<SavedState>,
     /// The Newton report of the failure, or of the last converged solve if the state could not be committed; empty if
     /// the linearized start failed.
     pub newton: &'a NewtonReport,

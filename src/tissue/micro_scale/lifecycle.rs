@@ -35,7 +35,7 @@ pub(super) struct LifecycleState {
     pub committed: RveStatus,
     /// The deformation gradient of the last trial state, and the response of the RVE there if it was solved.
     pub trial: (Matrix3<f64>, Option<Response>),
-    /// The deformation gradient of the last converged step.
+    /// The deformation gradient at the end of the last load step.
     pub converged: Option<Matrix3<f64>>,
     /// The deformation gradient at which it fell asleep, and its response there.
     pub extrapolation_point: Option<(Matrix3<f64>, Response)>,

@@ -295,9 +295,9 @@ impl<B: RealBackend> PointField for TissueField<B> {
         error.is_final()
     }
 
-    fn commit(&mut self) -> Result<(), Self::Error> {
-        self.units.commit();
-        let deleted = self.sites.commit();
+    fn commit(&mut self, ends_step: bool) -> Result<(), Self::Error> {
+        self.units.commit(ends_step);
+        let deleted = self.sites.commit(ends_step);
         self.update_rves(&deleted, &[]);
         Ok(())
     }
@@ -322,7 +322,7 @@ impl<B: RealBackend> TissueMaterial for TissueField<B> {
     }
 
     fn rve_bytes(&self) -> usize {
-        if self.is_created { self.units.bytes() } else { self.units.bytes_of_new(self.sites.existing_by_model()) }
+        if self.is_created { self.units.bytes() } else { self.units.bytes_of_new(self.sites.by_model()) }
     }
 
     fn take_stats(&self) -> RveStats {

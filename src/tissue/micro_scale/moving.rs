@@ -22,6 +22,7 @@ struct MovingRve {
     /// The last converged state, unless the current one is that.
     committed: Option<UnitState>,
     is_verified: bool,
+    iterations_of_step: u64,
     committed_iterations: u64,
     history: Vec<u8>,
 }
@@ -60,6 +61,7 @@ impl MovingRve {
                 iterations: 0,
             }),
             is_verified: fibers.is_some_and(|fibers| fibers.origin == Origin::Branch),
+            iterations_of_step: unit.iterations_of_step as u64,
             committed_iterations: unit.committed_iterations as u64,
             history: bytemuck::bytes_of(history).to_vec(),
         }
@@ -119,8 +121,9 @@ impl<B: RealBackend> Units<B> {
             };
             *current = rve;
         }
-        (unit.response, unit.iterations, unit.committed_iterations) =
-            (response, iterations, moving.committed_iterations as usize);
+        (unit.response, unit.iterations) = (response, iterations);
+        unit.iterations_of_step = moving.iterations_of_step as usize;
+        unit.committed_iterations = moving.committed_iterations as usize;
         let history = bytemuck::try_pod_read_unaligned(&moving.history);
         self.append(point, unit, history.unwrap_or_default());
         Ok(())

@@ -27,7 +27,8 @@ pub struct SampledField<B: Backend> {
 
 impl<B: RealBackend> TissueField<B> {
     /// Creates at most `per_model` RVEs of each network, spread over its points, and no others; at most as many as are
-    /// solved at once if these are more, because a group that is not full makes each RVE seem to cost more.
+    /// solved at once if these are more, because a group that is not full makes each RVE seem to cost more. RVEs that a
+    /// load would create later count as well: what they cost is to be known before.
     ///
     /// # Errors
     /// Returns [`LibraryError::Model`] if a network has no response at rest.
@@ -36,7 +37,8 @@ impl<B: RealBackend> TissueField<B> {
         let laws = (0..models).map(|model| self.units.library().at_rest(model)).collect::<Result<_, _>>()?;
         // The last class is that of RVEs without a network.
         let mut of_model: Vec<Vec<usize>> = vec![Vec::new(); models + 1];
-        for ((point, _), model) in self.sites.existing().zip(self.sites.existing_by_model()) {
+        self.sites.create_waiting();
+        for ((point, _), model) in self.sites.existing().zip(self.sites.by_model()) {
             of_model[model.unwrap_or(models)].push(point);
         }
         let mut sampled = Vec::with_capacity(per_model * of_model.len());
@@ -106,9 +108,9 @@ impl<B: RealBackend> PointField for SampledField<B> {
         Ok(())
     }
 
-    fn commit(&mut self) -> Result<(), Self::Error> {
-        self.units.commit();
-        self.sites.commit();
+    fn commit(&mut self, ends_step: bool) -> Result<(), Self::Error> {
+        self.units.commit(ends_step);
+        self.sites.commit(ends_step);
         Ok(())
     }
 

@@ -144,11 +144,20 @@ impl Sites {
         self.rve_sites().filter(|(_, rve)| rve.status().exists()).map(|(point, rve)| (point, rve.region))
     }
 
-    /// Returns the model of every RVE that exists; `None` for one without a network.
-    pub(super) fn existing_by_model(&self) -> impl Iterator<Item = Option<usize>> {
+    /// Returns the model of every RVE that exists or may still be created; `None` for one without a network.
+    pub(super) fn by_model(&self) -> impl Iterator<Item = Option<usize>> {
         self.rve_sites()
-            .filter(|(_, rve)| rve.status().exists())
+            .filter(|(_, rve)| rve.status() != RveStatus::Deleted)
             .map(|(_, rve)| rve.network.map(|network| network.model))
+    }
+
+    /// Creates all RVEs that wait for it.
+    pub(super) fn create_waiting(&mut self) {
+        for (_, lifecycle) in lifecycles(&mut self.sites) {
+            if lifecycle.status == RveStatus::Waiting {
+                (lifecycle.status, lifecycle.committed) = (RveStatus::Awake, RveStatus::Awake);
+            }
+        }
     }
 
     /// Returns the network and the matrix of the RVE of a point.
@@ -266,13 +275,15 @@ impl Sites {
 
     /// Commits the step at the last gradients; RVEs that hardly moved in it fall asleep. Returns the points whose
     /// RVEs are deleted for good.
-    pub(in crate::tissue) fn commit(&mut self) -> Vec<usize> {
-        let is_step = !std::mem::take(&mut self.is_restored);
+    pub(in crate::tissue) fn commit(&mut self, ends_step: bool) -> Vec<usize> {
+        let is_step = ends_step && !std::mem::take(&mut self.is_restored);
         for (_, lifecycle) in lifecycles(&mut self.sites) {
             if is_step {
                 lifecycle.fall_asleep();
             }
-            lifecycle.converged = Some(lifecycle.trial.0);
+            if ends_step {
+                lifecycle.converged = Some(lifecycle.trial.0);
+            }
             lifecycle.committed = lifecycle.status;
         }
         std::mem::take(&mut self.pending).deleted

@@ -64,8 +64,10 @@ pub(super) struct Unit {
     pub matrix: Option<Arc<Formula>>,
     /// The last deformation gradient, and the response there.
     pub response: Option<(Matrix3<f64>, Response)>,
-    /// Newton iterations since the last converged load step.
+    /// Newton iterations since the last commit.
     pub iterations: usize,
+    /// Newton iterations of the committed increments of the present load step.
+    pub iterations_of_step: usize,
     /// Newton iterations of the last converged load step, for the output.
     pub committed_iterations: usize,
 }
@@ -187,7 +189,16 @@ impl Unit {
             let rest = Rve::at_rest(models[model].network());
             Fibers { model, factor, committed: rest.clone(), current: rest, origin: Origin::Committed }
         });
-        Self { location, region, fibers, matrix, response: None, iterations: 0, committed_iterations: 0 }
+        Self {
+            location,
+            region,
+            fibers,
+            matrix,
+            response: None,
+            iterations: 0,
+            iterations_of_step: 0,
+            committed_iterations: 0,
+        }
     }
 
     /// Returns stress and tangent at `gradient`. The last response is reused if the gradient has not changed.
@@ -293,17 +304,19 @@ impl Unit {
         size_of::<Self>() + heap
     }
 
-    /// Makes the current equilibrium the start of the next load step.
-    pub fn commit(&mut self) {
+    /// Makes the current equilibrium the start of the next increment, and of the next load step if `ends_step` is true.
+    pub fn commit(&mut self, ends_step: bool) {
         if let Some(fibers) = &mut self.fibers {
             fibers.committed.copy_equilibrium_from(&fibers.current);
             fibers.origin = Origin::Committed;
         }
-        self.committed_iterations = self.iterations;
-        self.iterations = 0;
+        self.iterations_of_step += std::mem::take(&mut self.iterations);
+        if ends_step {
+            self.committed_iterations = std::mem::take(&mut self.iterations_of_step);
+        }
     }
 
-    /// Returns to the last converged load step.
+    /// Returns to the last commit.
     pub fn revert(&mut self) {
         if let Some(fibers) = &mut self.fibers {
             fibers.current.copy_equilibrium_from(&fibers.committed);

@@ -247,9 +247,9 @@ impl<B: RealBackend> Units<B> {
         *self.failed_rve.get_mut().unwrap_or_else(PoisonError::into_inner) = None;
     }
 
-    /// Makes the current equilibria the start of the next load step.
-    pub fn commit(&mut self) {
-        self.units.par_iter_mut().for_each(Unit::commit);
+    /// Makes the current equilibria the start of the next increment, and of the next load step if `ends_step` is true.
+    pub fn commit(&mut self, ends_step: bool) {
+        self.units.par_iter_mut().for_each(|unit| unit.commit(ends_step));
     }
 
     /// Reverts to the last [`Units::commit`].

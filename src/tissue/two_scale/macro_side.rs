@@ -10,9 +10,9 @@ use nalgebra::Matrix3;
 use super::TwoScaleError;
 use super::balance::{BalanceReport, When};
 use super::divided::DividedBody;
-use super::micro_proxy::{BodySolve, EndedStep, MicroProxy};
+use super::micro_proxy::{BodySolve, EndedIncrement, MicroProxy};
 use super::progress::{ProgressChannel, ProgressReceiver};
-use super::protocol::{Outcome, RankTimes, RveFailure, Task};
+use super::protocol::{Command, Outcome, RankTimes, RveFailure, Task};
 use super::shard::RveUpdate;
 use crate::coupling::{Scales, UnitId};
 use crate::fem::mesh::Mesh;
@@ -247,10 +247,10 @@ impl<'a, C: Comm, B: RealBackend> ScaleField<'a, C, B> {
         *self.failed_rve.get_mut().unwrap_or_else(PoisonError::into_inner) = None;
     }
 
-    /// Ends a step on the micro scale and stores its reports.
-    fn end_step(&mut self, converged: bool) -> Result<(), TwoScaleError> {
-        let EndedStep { mut summaries, reports, iterations } = self.micro.end_step(converged)?;
-        if let Some(divided) = self.divided.as_ref().filter(|_| converged) {
+    /// Ends an increment on the micro scale and stores its reports.
+    fn end_increment(&mut self, command: Command) -> Result<(), TwoScaleError> {
+        let EndedIncrement { mut summaries, reports, iterations } = self.micro.end_increment(&command)?;
+        if let Some(divided) = self.divided.as_ref().filter(|_| matches!(command, Command::Commit(_))) {
             divided.exchange_ghosts(&mut summaries, |summary| summary.point)?;
         }
         for summary in summaries {
@@ -344,10 +344,10 @@ impl<C: Comm, B: RealBackend> PointField for ScaleField<'_, C, B> {
         self.rve_counts().rves == 0
     }
 
-    fn commit(&mut self) -> Result<(), Self::Error> {
-        let ended = self.end_step(true);
+    fn commit(&mut self, ends_step: bool) -> Result<(), Self::Error> {
+        let ended = self.end_increment(Command::Commit(ends_step));
         self.record_error(ended)?;
-        let deleted = self.sites.commit();
+        let deleted = self.sites.commit(ends_step);
         let counted = self.count_rves();
         self.record_error(counted)?;
         self.update_rves(&deleted, &[])
@@ -357,7 +357,7 @@ impl<C: Comm, B: RealBackend> PointField for ScaleField<'_, C, B> {
         if let Some(reason) = self.broken.get() {
             return Err(TissueFieldError::Ranks(reason.clone()));
         }
-        let ended = self.end_step(false);
+        let ended = self.end_increment(Command::Revert);
         self.record_error(ended)?;
         let created = self.sites.revert();
         self.update_rves(&created, &[])

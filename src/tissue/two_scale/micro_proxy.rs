@@ -67,8 +67,8 @@ pub(super) struct MicroProxy<'a, C: Comm> {
     waited: Mutex<RankTimes>,
 }
 
-/// What the micro scale reports at the end of a step.
-pub(super) struct EndedStep {
+/// What the micro scale reports at the end of an increment.
+pub(super) struct EndedIncrement {
     pub summaries: Vec<RveSummary>,
     /// One entry per rank of the micro scale.
     pub reports: Vec<RankReport>,
@@ -324,14 +324,15 @@ impl<'a, C: Comm> MicroProxy<'a, C> {
         failed.into_iter().flatten().min_by_key(|failed| failed.failure.point).ok_or(TwoScaleError::Protocol)
     }
 
-    /// Ends a step on the micro scale. Returns the summaries of the RVEs if it was committed, as [`MicroProxy::evaluate`]
-    /// returns responses, the report of each rank of the micro scale, and the times of all ranks of both scales per trial
-    /// state.
-    pub fn end_step(&mut self, converged: bool) -> Result<EndedStep, TwoScaleError> {
+    /// Ends an increment on the micro scale by [`Command::Commit`] or [`Command::Revert`]. Returns the summaries of the RVEs
+    /// after a commit, as [`MicroProxy::evaluate`] returns responses, the report of each rank of the micro scale, and the
+    /// times of all ranks of both scales per trial state.
+    pub fn end_increment(&mut self, command: &Command) -> Result<EndedIncrement, TwoScaleError> {
+        let converged = matches!(command, Command::Commit(_));
         if converged {
             self.send_to_followers(&FollowerCommand::Summarize)?;
         }
-        self.broadcast(&if converged { Command::Commit } else { Command::Revert })?;
+        self.broadcast(command)?;
         self.in_step = false;
         let mut reporting = RankTimes::default();
         let summaries = if converged { self.summaries(&mut reporting)? } else { Vec::new() };
@@ -346,7 +347,7 @@ impl<'a, C: Comm> MicroProxy<'a, C> {
                 iteration.push(times);
             }
         }
-        Ok(EndedStep { summaries, reports, iterations })
+        Ok(EndedIncrement { summaries, reports, iterations })
     }
 
     /// Receives the summaries of the RVEs after a commit; those of other shards go through the rank of the shard.

@@ -126,8 +126,8 @@ impl<C: Comm, B: RealBackend, P: Planner, V: Weights> MicroSide<'_, C, B, P, V> 
 
     fn between_steps(&mut self, command: Command) -> Result<(), TwoScaleError> {
         match command {
-            Command::Commit => self.report(true),
-            Command::Revert => self.report(false),
+            Command::Commit(ends_step) => self.end_increment(Some(ends_step)),
+            Command::Revert => self.end_increment(None),
             Command::Save { folder, stem } => self.save(&PathBuf::from(folder), &stem),
             Command::Verify(folder, pieces) => self.verify(&PathBuf::from(folder), &pieces),
             Command::Restore(folder, pieces) => self.restore(&PathBuf::from(folder), &pieces),
@@ -255,14 +255,14 @@ impl<C: Comm, B: RealBackend, P: Planner, V: Weights> MicroSide<'_, C, B, P, V> 
         Ok(())
     }
 
-    /// Commits or reverts the step and sends the report of this rank to the macro scale. The time for that counts for
-    /// the next step.
-    fn report(&mut self, converged: bool) -> Result<(), TwoScaleError> {
+    /// Commits an increment, with which the load step ends if `commit` is true, or reverts it, and sends the report of this
+    /// rank to the macro scale. The time for that counts for the next increment.
+    fn end_increment(&mut self, commit: Option<bool>) -> Result<(), TwoScaleError> {
         let start = Instant::now();
-        if converged {
-            self.units.commit()
-        } else {
-            self.units.revert()
+        let converged = commit.is_some();
+        match commit {
+            Some(ends_step) => self.units.commit(ends_step),
+            None => self.units.revert(),
         }
         let summaries = if converged { self.units.summaries() } else { Vec::new() };
         let times = std::mem::take(&mut self.times);

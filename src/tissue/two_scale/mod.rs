@@ -70,7 +70,7 @@
 //! #         let gradients: Vec<_> = (0..48).map(|k| if k < 24 { strained } else { Matrix3::identity() }).collect();
 //! #         field.update(&gradients, &mut responses).map_err(|error| error.to_string())?;
 //! #     }
-//! #     field.commit().map_err(|error| error.to_string())?;
+//! #     field.commit(true).map_err(|error| error.to_string())?;
 //! #     Ok(responses)
 //! # }
 //! let by_turns = |loads: &Loads| -> Result<MigrationPlan, BalanceError> {

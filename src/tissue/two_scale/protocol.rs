@@ -274,8 +274,8 @@ pub enum Command {
     Iterate(Task),
     /// Send the reason why an RVE found no equilibrium.
     Explain,
-    /// Commit: the step has converged at the last trial state.
-    Commit,
+    /// Commit: an increment has converged at the last trial state. The argument tells whether the load step ends.
+    Commit(bool),
     /// Revert to the last committed state: the step has failed.
     Revert,
     /// Write the states of the RVEs of each rank to a piece.

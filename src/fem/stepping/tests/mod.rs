@@ -121,7 +121,7 @@ impl PointField for Slow {
         Ok(())
     }
 
-    fn commit(&mut self) -> Result<(), Self::Error> {
+    fn commit(&mut self, _: bool) -> Result<(), Self::Error> {
         self.commits += 1;
         self.committed.copy_from_slice(&self.current);
         self.stretches.push(self.current.iter().map(|f| f[(0, 0)]).sum::<f64>() / self.current.len() as f64);

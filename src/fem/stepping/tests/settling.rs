@@ -70,7 +70,7 @@ impl PointField for Brittle {
         Ok(!over.is_empty())
     }
 
-    fn commit(&mut self) -> Result<(), PointError> {
+    fn commit(&mut self, _: bool) -> Result<(), PointError> {
         self.committed.copy_from_slice(&self.broken);
         Ok(())
     }
@@ -194,7 +194,7 @@ impl PointField for Bistable {
         Ok(before != self.is_stiff)
     }
 
-    fn commit(&mut self) -> Result<(), PointError> {
+    fn commit(&mut self, _: bool) -> Result<(), PointError> {
         Ok(())
     }
 
@@ -250,7 +250,7 @@ impl PointField for Deceptive {
         Ok(false)
     }
 
-    fn commit(&mut self) -> Result<(), PointError> {
+    fn commit(&mut self, _: bool) -> Result<(), PointError> {
         Ok(())
     }
 

@@ -121,7 +121,7 @@ fn compare(make: Make, other: usize) {
             assert_eq!((found.predicted, found.reused), (expected.predicted, expected.reused));
             assert!(found.in_batches > ELEMENTS && expected.in_batches == 0, "{}", found.in_batches);
             for field in [&mut alone, &mut batched] {
-                if is_kept { field.commit().unwrap() } else { field.revert().unwrap() }
+                if is_kept { field.commit(true).unwrap() } else { field.revert().unwrap() }
             }
         }
     }
@@ -290,7 +290,7 @@ fn batches_report_their_progress() {
 fn the_failure_of_a_device_ends_the_update_and_reverts_it() {
     let mut field = field(true);
     field.update(&gradients(0.01, 1), &mut PointResponses::default()).unwrap();
-    field.commit().unwrap();
+    field.commit(true).unwrap();
     field.solve_in_batches(|_| Ok::<_, ()>(Some(Box::new(Broken) as Box<dyn BatchSolver>))).unwrap();
     let outcome = field.update(&gradients(0.02, 2), &mut PointResponses::default());
     let Err(TissueFieldError::Point(failure)) = outcome else { panic!("{outcome:?}") };

@@ -17,7 +17,7 @@ fn stretched() -> TissueField<Sparse> {
     let gradients: Vec<_> =
         (0..6).map(|k| Matrix3::from_diagonal(&[1.01 + 0.002 * f64::from(k), 1.0, 1.0].into())).collect();
     field.update(&gradients, &mut PointResponses::default()).unwrap();
-    field.commit().unwrap();
+    field.commit(true).unwrap();
     field
 }
 

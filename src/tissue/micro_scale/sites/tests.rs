@@ -20,8 +20,12 @@ fn sites(rules: RveLifecycle) -> Sites {
     }
 }
 
-/// Converges at a stretch; the RVE, where it is solved, has ten times the stiffness of its matrix.
+/// Ends a step at a stretch; the RVE, where it is solved, has ten times the stiffness of its matrix.
 fn converge(sites: &mut Sites, by: f64) -> (Response, RveChanges) {
+    converge_increment(sites, by, true)
+}
+
+fn converge_increment(sites: &mut Sites, by: f64, ends_step: bool) -> (Response, RveChanges) {
     let f = stretched(by);
     let response = match sites.sites[0].respond(&f, &sites.at_rest).unwrap() {
         Some(response) => response,
@@ -33,7 +37,7 @@ fn converge(sites: &mut Sites, by: f64) -> (Response, RveChanges) {
     };
     let changes = sites.evolve();
     assert!(changes.is_empty() || sites.evolve().is_empty(), "once only");
-    sites.commit();
+    sites.commit(ends_step);
     (response, changes)
 }
 
@@ -69,6 +73,21 @@ fn an_rve_sleeps_while_changes_are_small_and_wakes_when_they_accumulate() {
     assert!((response.pk1[(0, 0)] - expected).abs() < 1e-14);
     converge(&mut sites, 0.117);
     assert_eq!(sites.status(0), Some(RveStatus::Awake), "0.012 from where it fell asleep");
+}
+
+#[test]
+fn an_rve_sleeps_by_its_change_in_a_whole_step() {
+    let mut sites = sites(RveLifecycle { asleep_below: 0.01, ..RveLifecycle::default() });
+    converge(&mut sites, 0.1);
+    for by in [0.106, 0.112, 0.118] {
+        converge_increment(&mut sites, by, false);
+        assert_eq!(sites.status(0), Some(RveStatus::Awake));
+    }
+    converge(&mut sites, 0.12);
+    assert_eq!(sites.status(0), Some(RveStatus::Awake), "the step changed it by 0.02");
+    converge_increment(&mut sites, 0.123, false);
+    converge(&mut sites, 0.126);
+    assert_eq!(sites.status(0), Some(RveStatus::Asleep), "this one by 0.006");
 }
 
 /// The stress of a sleeping RVE is the derivative of its energy.
