@@ -2,36 +2,22 @@
 
 use std::path::Path;
 
-use crate::run::{events, run};
+use crate::run::{PRESSED, events, run};
 
 /// A step whose first increments converged before another failed: the state is that before the step.
 #[test]
 fn a_run_that_fails_within_a_step_continues_with_it() {
-    const COMPRESSED: &str = r#"
-[mesh]
-generate = { shape = "box", cells = [2, 2, 2], size = [1.0e-3, 1.0e-3, 1.0e-3] }
-[[region]]
-name = "*"
-material = { model = "neo-hookean", youngs_modulus = 1e3, poisson_ratio = 0.3 }
-[[boundary]]
-surface = "x0"
-displacement = { x = 0.0, y = 0.0, z = 0.0 }
-[[boundary]]
-surface = "x1"
-displacement = { x = -2e-3, y = 0.0, z = 0.0 }
-[output]
-checkpoint = 20
-[steps]
-count = 10
-max_cuts = 3
-"#;
+    let few = |cuts: u32| {
+        let text = PRESSED.replace("cells = [1, 1, 1]", "cells = [2, 2, 2]");
+        format!("{text}max_cuts = {cuts}\n[output]\ncheckpoint = 20\n")
+    };
     let folder = tempfile::tempdir().unwrap();
     let failed = |case: &str, options: &str| {
         let failed = run(folder.path(), case, options);
-        assert!(failed.failed(3).contains("load step 5 of 10 does not converge"), "{}", failed.block());
+        assert!(failed.failed(3).contains("load step 4 of 5 does not converge"), "{}", failed.block());
         failed.stderr
     };
-    failed(COMPRESSED, "--out out");
+    failed(&few(3), "--out out");
     // The failed attempts since the last start or resumption.
     let cuts = |folder: &Path| -> Vec<f64> {
         let events = events(folder);
@@ -41,10 +27,9 @@ max_cuts = 3
     };
     let before = cuts(&folder.path().join("out"));
     assert!(before.windows(2).any(|pair| pair[1] >= pair[0]), "an increment of the step has converged: {before:?}");
-    let more = COMPRESSED.replace("max_cuts = 3", "max_cuts = 4");
-    let resumed = failed(&more, "--out out --resume");
-    assert!(resumed.contains("continuing after step 4 of 10"), "{resumed}");
-    failed(&more, "--out whole");
+    let resumed = failed(&few(4), "--out out --resume");
+    assert!(resumed.contains("continuing after step 3 of 5"), "{resumed}");
+    failed(&few(4), "--out whole");
     let [out, whole] = ["out", "whole"].map(|run| folder.path().join(run));
     assert_eq!(std::fs::read(out.join("loads.csv")).unwrap(), std::fs::read(whole.join("loads.csv")).unwrap());
     assert_eq!(cuts(&out), cuts(&whole), "the resumed run begins with a whole step, as the other did");

@@ -1,11 +1,8 @@
 //! The rigid-body motions of the body, on which its stiffness is almost zero.
 
 use super::Equilibrium;
-use crate::fem::assembly::Assembler;
-use crate::fem::kinematics::{Kinematics, RigidMotion};
 use crate::fem::point_field::PointField;
-use crate::las::{Backend, Index, RealBackend, SolveError, Solver};
-use crate::parallel;
+use crate::las::{Index, RealBackend, SolveError, Solver};
 
 impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
     /// Passes the three translations and the three rotations of the body in the committed state to the preconditioner
@@ -29,34 +26,13 @@ impl<B: RealBackend, P: PointField> Equilibrium<B, P> {
             (0..3).for_each(|i| center[i] += x[i] / nodes);
         }
         self.ranks.sum(&mut center).map_err(SolveError::Backend)?;
-        let body = Body {
-            assembler: &self.assembler,
-            kinematics: self.boundary.kinematics(),
-            rigid: &self.committed.rigid,
-            positions,
-            center,
-        };
-        solver.set_near_null_space(&parallel::map(0..6, |motion| body.rigid_motion(motion, unknowns)))
+        let motions = (0..6).map(|motion| self.rigid_motion(motion, &positions, center, unknowns));
+        solver.set_near_null_space(&motions.collect::<Vec<_>>())
     }
-}
 
-/// What the motions of a body depend on.
-struct Body<'a, B: Backend> {
-    assembler: &'a Assembler<B>,
-    kinematics: &'a Kinematics,
-    /// The motions of the rigid surfaces.
-    rigid: &'a [RigidMotion],
-    /// The positions of the nodes, m.
-    positions: Vec<[f64; 3]>,
-    /// Their center, m.
-    center: [f64; 3],
-}
-
-impl<B: RealBackend> Body<'_, B> {
     /// Returns the unknowns of a rigid-body motion: a translation along axis `motion`, or a rotation about axis
     /// `motion - 3` through the center.
-    fn rigid_motion(&self, motion: usize, unknowns: usize) -> Vec<f64> {
-        let Self { assembler, kinematics, center, .. } = self;
+    fn rigid_motion(&self, motion: usize, positions: &[[f64; 3]], center: [f64; 3], unknowns: usize) -> Vec<f64> {
         let axis = motion % 3;
         let is_rotation = motion >= 3;
         let displacement = |x: &[f64; 3]| {
@@ -78,12 +54,13 @@ impl<B: RealBackend> Body<'_, B> {
                 }
             }
         };
-        let mut of_nodes: Vec<[f64; 3]> = self.positions.iter().map(displacement).collect();
+        let mut of_nodes: Vec<[f64; 3]> = positions.iter().map(displacement).collect();
+        let kinematics = self.boundary.kinematics();
         kinematics.rotate_to_frames(&mut of_nodes);
-        write(assembler.equation_numbers(), of_nodes.as_flattened());
-        for (surface, rows) in assembler.rigid_equations().iter().enumerate() {
+        write(self.assembler.equation_numbers(), of_nodes.as_flattened());
+        for (surface, rows) in self.assembler.rigid_equations().iter().enumerate() {
             let rigid = &kinematics.rigid_surfaces()[surface];
-            let moved = self.rigid[surface].displacement;
+            let moved = self.committed.rigid[surface].displacement;
             let [u, v, w] = displacement(&std::array::from_fn(|i| rigid.reference[i] + moved[i]));
             // The rate of the rotation vector is the angular velocity as long as the rotation is small; a
             // preconditioner needs no more.

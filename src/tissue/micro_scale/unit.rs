@@ -68,7 +68,7 @@ pub(super) struct Unit {
     pub iterations: usize,
     /// Newton iterations of the committed increments of the present load step.
     pub iterations_of_step: usize,
-    /// Newton iterations of the last converged load step, for the output.
+    /// Newton iterations of the load step up to the last commit, for the output.
     pub committed_iterations: usize,
 }
 
@@ -311,8 +311,9 @@ impl Unit {
             fibers.origin = Origin::Committed;
         }
         self.iterations_of_step += std::mem::take(&mut self.iterations);
+        self.committed_iterations = self.iterations_of_step;
         if ends_step {
-            self.committed_iterations = std::mem::take(&mut self.iterations_of_step);
+            self.iterations_of_step = 0;
         }
     }
 

@@ -342,7 +342,7 @@ fn for_each_row<V: Send>(
     values: &mut [V],
     of_row: impl Fn(usize, &mut [V]) + Sync + Send,
 ) {
-    const ROWS: usize = 512;
+    const ROWS: usize = 2048;
     let rows = offsets.len() - 1;
     let tasks = (0..rows).step_by(ROWS).map(|first| first..rows.min(first + ROWS));
     let values_of = |rows: std::ops::Range<usize>| (offsets[rows.end] - offsets[rows.start]) as usize * len;
