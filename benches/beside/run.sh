@@ -1,9 +1,10 @@
 #!/usr/bin/env bash
 # Runs a neo-Hookean cube, clamped at x = 0 and moved by 0.3 at x = 1 in three load steps, by this program on one and two
-# threads, with and without fields up to 40 cells, and by dolfinx, and prints processor and wall seconds and the peak memory of
-# each. Prints also the iterations of conjugate gradients to 1e-8 for the first linear system, those of dolfinx as
-# `first_linear`. One and two threads have to write the same loads. The arguments are numbers of cells along a side; by
-# default 20 and 40.
+# threads, with and without fields, and by dolfinx, and prints processor and wall seconds and the peak memory of each. Of the
+# runs without fields it prints the medians of wall seconds, and of those of the load steps alone, and how many times as fast
+# two threads are; there are as many runs as RUNS says, by default 1. Prints also the iterations of conjugate gradients to
+# 1e-8 for the first linear system, those of dolfinx as `first_linear`. One and two threads have to write the same loads. The
+# arguments are numbers of cells along a side; by default 20 and 40.
 #
 # Needs Debian's python3-dolfinx-real and the command `time`. PYTHON is the interpreter that imports dolfinx; BIOTISSUE is the
 # program, by default a new release build.
@@ -31,24 +32,45 @@ measured() { # measured NAME COMMAND...
         printf "%-44s %8.1f s of processors %8.1f s %8.2f GB\n", name, user + system_, wall, kilobytes / 1e6 }'
 }
 
+median() { # median FILE
+    sort -g "$1" | awk '{ value[NR] = $1 } END { print (value[int((NR + 1) / 2)] + value[int(NR / 2) + 1]) / 2 }'
+}
+
+# The seconds of all load steps of a run.
+load_steps() { # load_steps OUT
+    grep '"event":"step"' "$1/log.jsonl" | sed 's/.*"total":\([0-9.]*\).*/\1/' | awk '{ sum += $1 } END { print sum }'
+}
+
+compared() { # compared NAME FILE FILE
+    awk -v name="$1" -v one="$(median "$2")" -v two="$(median "$3")" 'BEGIN {
+        printf "%-44s %8.2f s on one thread, %8.2f s on two: %.2f times as fast\n", name, one, two, one / two }'
+}
+
 if [ $# -eq 0 ]; then
     set -- 20 40
 fi
 for cells in "$@"; do
     write_box "$folder/box.toml" "$cells"
-    for threads in 1 2; do
-        measured "$cells cells, biotissue, $threads thread(s)" \
-            "$program" run "$folder/box.toml" --threads "$threads" --out "$folder/threads-$threads"
-    done
-    cmp "$folder/threads-1/loads.csv" "$folder/threads-2/loads.csv"
-    if [ "$cells" -le 40 ]; then
-        write_box "$folder/fields.toml" "$cells" 1
+    rm -f "$folder"/{wall,steps}-*
+    for _ in $(seq "${RUNS:-1}"); do
         for threads in 1 2; do
-            measured "$cells cells, with fields, $threads thread(s)" \
-                "$program" run "$folder/fields.toml" --threads "$threads" --out "$folder/fields-$threads"
+            rm -rf "$folder/threads-$threads"
+            measured "$cells cells, biotissue, $threads thread(s)" \
+                "$program" run "$folder/box.toml" --threads "$threads" --out "$folder/threads-$threads"
+            echo "$wall" >>"$folder/wall-$threads"
+            load_steps "$folder/threads-$threads" >>"$folder/steps-$threads"
         done
-        for fields in "$folder"/fields-1/*.vtu; do cmp "$fields" "$folder/fields-2/${fields##*/}"; done
-    fi
+        cmp "$folder/threads-1/loads.csv" "$folder/threads-2/loads.csv"
+    done
+    compared "$cells cells, whole run" "$folder"/wall-{1,2}
+    compared "$cells cells, load steps" "$folder"/steps-{1,2}
+    write_box "$folder/fields.toml" "$cells" 1
+    for threads in 1 2; do
+        measured "$cells cells, with fields, $threads thread(s)" \
+            "$program" run "$folder/fields.toml" --threads "$threads" --out "$folder/fields-$threads"
+    done
+    for fields in "$folder"/fields-1/*.vtu; do cmp "$fields" "$folder/fields-2/${fields##*/}"; done
+    rm -r "$folder"/fields-{1,2}
     # Without this tolerance, linear systems are solved only as far as Newton's method needs.
     echo 'solver = { method = "cg", preconditioner = "multigrid", tolerance = 1e-8 }' >>"$folder/box.toml"
     "$program" run "$folder/box.toml" --out "$folder/fixed" >"$folder/output" 2>&1

@@ -25,6 +25,14 @@ pub(super) fn norm<T: Scalar>(x: &[T]) -> T {
     if x.len() < LONG { local::norm(x) } else { long_norm(x) }
 }
 
+/// Returns true if all entries are finite.
+pub(super) fn all_finite<T: Scalar>(x: &[T]) -> bool {
+    if x.len() < LONG {
+        return local::all_finite(x);
+    }
+    parallel::map(x.chunks(CHUNK), local::all_finite).into_iter().all(|finite| finite)
+}
+
 /// Adds `y += a x`.
 #[inline(always)]
 pub(super) fn axpy<T: Scalar>(a: T, x: &[T], y: &mut [T]) {

@@ -14,8 +14,8 @@ use super::{Failure, Matrix, Sparse, Symbolic, Vector};
 use crate::backends::checks::{check_columns, check_pattern, definite, immediate_singular_limit, singular_limit};
 use crate::backends::direct::{NotPositiveDefinite, Pivots, Scratch, impl_direct_solver};
 use crate::backends::iterative::IterativeSolver;
-use crate::backends::local;
 use crate::backends::null_vector::{check_near_singular, checked_report};
+use crate::backends::sparse::long;
 use crate::las::{Backend, FactorReport, Factorization, Method, SolveError, SolveReport, Symmetry};
 
 /// The solver for matrices with one sparsity pattern.
@@ -109,7 +109,7 @@ impl<T: SparseScalar> Solver<T> {
     fn check(&self, a: &Matrix<T>) -> Result<(), Failure> {
         let expected = &self.symbolic.pattern;
         check_pattern(a.pattern(), expected)?;
-        if local::all_finite(a.values()) {
+        if long::all_finite(a.values()) {
             return Ok(());
         }
         let bad = a.values().iter().position(|value| !value.is_finite()).unwrap_or(0);

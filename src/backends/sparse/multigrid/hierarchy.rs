@@ -6,9 +6,10 @@ use super::blocks::{BlockMatrix, Entry};
 use super::level::{Level, Memory};
 use super::prolongation::NodeModes;
 use super::smoother::SingularBlock;
-use super::{LevelSize, MultigridParams};
+use super::{CHUNK, LevelSize, MultigridParams};
 use crate::backends::sparse::{Failure, Matrix, Solver, Sparse, Vector};
 use crate::las::{Backend, Solver as _, SolverParams, Sparsity, Symmetry};
+use crate::parallel;
 
 /// The levels of a multigrid preconditioner that computes with numbers `T`.
 pub(super) struct Hierarchy<T> {
@@ -138,7 +139,8 @@ impl<T: Entry> Hierarchy<T> {
 
 /// Returns the largest absolute value of a matrix.
 fn unit_of(a: &BlockMatrix<f64>) -> f64 {
-    let largest = a.values.iter().fold(0.0, |most: f64, value| most.max(value.abs()));
+    let of_chunk = |values: &[f64]| values.iter().fold(0.0, |most: f64, value| most.max(value.abs()));
+    let largest = parallel::map(a.values.chunks(CHUNK), of_chunk).into_iter().fold(0.0, f64::max);
     if largest > 0.0 { largest } else { 1.0 }
 }
 
