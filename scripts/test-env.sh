@@ -25,5 +25,15 @@ if ! "$python/bin/python3" -c 'import meshio, vtk' 2>/dev/null; then
     python3 -m venv "$python"
     "$python/bin/pip" install --quiet --disable-pip-version-check meshio vtk
 fi
+# The compiler NVRTC, which compiles the kernels for graphics processors without one. Some systems have no such package; its tests
+# are then skipped.
+if ! "$python/bin/python3" -c 'import nvidia.cu13' 2>/dev/null; then
+    "$python/bin/pip" install --quiet --disable-pip-version-check 'nvidia-cuda-nvrtc>=13,<14' ||
+        echo "warning: there is no NVRTC for the tests of kernels for graphics processors, which are skipped" >&2
+fi
+nvrtc=$(compgen -G "$python/lib/python3*/site-packages/nvidia/cu13/lib" || true)
+if [ -n "$nvrtc" ]; then
+    export LD_LIBRARY_PATH="$nvrtc${LD_LIBRARY_PATH:+:$LD_LIBRARY_PATH}" BIOTISSUE_REQUIRE_NVRTC="${BIOTISSUE_REQUIRE_NVRTC:-1}"
+fi
 export PATH="$python/bin:$PATH" BIOTISSUE_REQUIRE_PYTHON=1 BIOTISSUE_REQUIRE_BROWSER="${BIOTISSUE_REQUIRE_BROWSER:-1}"
 export OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 OPENBLAS_NUM_THREADS=1

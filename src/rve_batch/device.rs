@@ -5,6 +5,8 @@ use rayon::prelude::*;
 
 use super::{OfModel, network_data, rows};
 use crate::backends::cuda::networks::NetworkBatch;
+#[cfg(test)]
+use crate::backends::cuda::networks::emulation::EmulatedDevice;
 use crate::backends::cuda::{CudaError, Device};
 use crate::backends::networks::{BatchParams, NetworkStates, Status};
 use crate::fiber::batch::{BatchEquilibrium, BatchProgress, BatchSolver};
@@ -63,13 +65,34 @@ impl DeviceBatch {
 
     /// Makes an empty batch whose kernels run on the processor; `None` without a C++ compiler.
     #[cfg(test)]
-    pub(crate) fn emulated<B: RealBackend>(model: &RveModel<B>, predicts: bool) -> Option<Self> {
-        let batch = NetworkBatch::emulated(&network_data(model)?, predicts)?;
+    pub(crate) fn emulated<B: RealBackend>(
+        model: &RveModel<B>,
+        predicts: bool,
+        device: EmulatedDevice,
+    ) -> Option<Self> {
+        let batch = NetworkBatch::emulated(&network_data(model)?, predicts, device)?;
         Some(Self::of(model, batch))
     }
 
     fn of<B: RealBackend>(model: &RveModel<B>, batch: NetworkBatch) -> Self {
         Self { batch, of_model: OfModel::new(model) }
+    }
+
+    /// Divides this number of bytes of the memory of a device among batches, so that each may hold the same number of
+    /// networks at once.
+    pub fn share_memory<'a>(batches: impl IntoIterator<Item = &'a mut Self>, bytes: usize) {
+        let batches: Vec<&mut Self> = batches.into_iter().collect();
+        let of_batch = |of: &&mut Self| of.batch.bytes_per_network() + of.batch.bytes_per_thread();
+        let networks = bytes / batches.iter().map(of_batch).sum::<usize>().max(1);
+        batches.into_iter().for_each(|of| of.batch.limit(networks));
+    }
+
+    /// Returns the bytes of page-locked memory of this process that a batch of so many RVEs of a model takes at most.
+    pub fn host_bytes<B: RealBackend>(model: &RveModel<B>, rves: usize, predicts: bool) -> usize {
+        /// The kernels need so many registers that a multiprocessor executes at most 256 networks at once, and devices have
+        /// at most 160 of these.
+        const MOST_AT_ONCE: usize = 160 * 256;
+        rves.min(MOST_AT_ONCE) * NetworkBatch::host_bytes_per_network(model.network().interior().len(), predicts)
     }
 
     /// The networks on the device.
@@ -112,35 +135,57 @@ impl DeviceBatch {
         progress: &dyn BatchProgress,
     ) -> Result<Vec<Option<BatchEquilibrium>>, CudaError> {
         assert_eq!(rves.len(), targets.len(), "one target for each RVE");
-        let Some(params) = self.params(params) else { return Ok(vec![None; rves.len()]) };
-        let mut solved = Vec::with_capacity(rves.len());
+        let mut solved = vec![None; rves.len()];
+        let Some(params) = self.params(params) else { return Ok(solved) };
         let at_once = self.batch.make_room(rves.len().min(self.batch.at_once()?))?;
         if at_once == 0 {
-            return Ok(vec![None; rves.len()]);
+            return Ok(solved);
         }
-        let of_model = self.of_model;
-        let interior = of_model.interior;
-        for (rves, targets) in rves.chunks_mut(at_once).zip(targets.chunks(at_once)) {
-            let first = solved.len();
+        let parts = rves.chunks_mut(at_once).zip(targets.chunks(at_once)).zip(solved.chunks_mut(at_once));
+        for (part, ((rves, targets), solved)) in parts.enumerate() {
+            let first = part * at_once;
             progress.begin(first);
-            self.batch.set_states(rves.len(), |states| write_states(rves, interior, states))?;
-            let results = self.batch.solve(&rows_of(targets), &params)?;
-            let inputs = rves.par_iter().zip(targets).enumerate();
-            let responses = inputs.map(|(number, (rve, target))| {
-                let is_of_model = rve.interior().len() == interior && target.determinant() > 0.0;
-                of_model.equilibrium(&results.get(number), target).filter(|_| is_of_model)
-            });
-            let responses: Vec<Option<BatchEquilibrium>> = responses.collect();
-            self.batch.read_states(|states| {
-                let inputs = rves.par_iter_mut().zip(targets).zip(&responses).enumerate();
-                inputs.filter(|(_, (_, response))| response.is_some()).for_each(|(number, ((rve, target), _))| {
-                    take_state(rve, target, interior, &states, number);
-                });
-            })?;
+            let responses = self.solve_part(rves, targets, &params);
+            let responses = responses.or_else(|error| self.leave(error, || vec![None; solved.len()]))?;
             progress.end(first, responses.iter().flatten().count());
-            solved.extend(responses);
+            solved.copy_from_slice(&responses);
         }
         Ok(solved)
+    }
+
+    /// Solves for the equilibria of RVEs for which there is room.
+    fn solve_part(
+        &mut self,
+        rves: &mut [&mut Rve],
+        targets: &[Matrix3<f64>],
+        params: &BatchParams,
+    ) -> Result<Vec<Option<BatchEquilibrium>>, CudaError> {
+        let of_model = self.of_model;
+        let interior = of_model.interior;
+        self.batch.set_states(rves.len(), |states| write_states(rves, interior, states))?;
+        let results = self.batch.solve(&rows_of(targets), params)?;
+        let inputs = rves.par_iter().zip(targets).enumerate();
+        let responses = inputs.map(|(number, (rve, target))| {
+            let is_of_model = rve.interior().len() == interior && target.determinant() > 0.0;
+            of_model.equilibrium(&results.get(number), target).filter(|_| is_of_model)
+        });
+        let responses: Vec<Option<BatchEquilibrium>> = responses.collect();
+        self.batch.read_states(|states| {
+            let inputs = rves.par_iter_mut().zip(targets).zip(&responses).enumerate();
+            inputs.filter(|(_, (_, response))| response.is_some()).for_each(|(number, ((rve, target), _))| {
+                take_state(rve, target, interior, &states, number);
+            });
+        })?;
+        Ok(responses)
+    }
+
+    /// Leaves RVEs to the processor if the device has no memory to start a kernel: another program has taken it.
+    fn leave<T>(&mut self, error: CudaError, nothing: impl FnOnce() -> T) -> Result<T, CudaError> {
+        if !error.is_out_of_memory() {
+            return Err(error);
+        }
+        self.batch.release()?;
+        Ok(nothing())
     }
 
     /// Returns for each RVE whether Newton evidently leads from the state in `from` to the equilibrium in `reached`, as
@@ -164,16 +209,27 @@ impl DeviceBatch {
         if at_once == 0 {
             return Ok(vec![false; from.len()]);
         }
-        let interior = self.of_model.interior;
         for (from, reached) in from.chunks(at_once).zip(reached.chunks(at_once)) {
-            self.batch.set_states(from.len(), |states| write_states(from, interior, states))?;
-            let targets: Vec<Matrix3<f64>> = reached.iter().map(|rve| *rve.gradient()).collect();
-            let mut positions = vec![0.0; 3 * interior * reached.len()];
-            write_positions(reached, interior, &mut positions);
-            let results = self.batch.continues(&rows_of(&targets), &positions, &params)?;
-            leads.extend(results.iter().map(|result| result.status() == Status::Continues));
+            let of_part = self.part_converges_to(from, reached, &params);
+            leads.extend(of_part.or_else(|error| self.leave(error, || vec![false; from.len()]))?);
         }
         Ok(leads)
+    }
+
+    /// As [`DeviceBatch::converge_to`], for states for which there is room.
+    fn part_converges_to(
+        &mut self,
+        from: &[&Rve],
+        reached: &[&Rve],
+        params: &BatchParams,
+    ) -> Result<Vec<bool>, CudaError> {
+        let interior = self.of_model.interior;
+        self.batch.set_states(from.len(), |states| write_states(from, interior, states))?;
+        let targets: Vec<Matrix3<f64>> = reached.iter().map(|rve| *rve.gradient()).collect();
+        let mut positions = vec![0.0; 3 * interior * reached.len()];
+        write_positions(reached, interior, &mut positions);
+        let results = self.batch.continues(&rows_of(&targets), &positions, params)?;
+        Ok(results.iter().map(|result| result.status() == Status::Continues).collect())
     }
 }
 

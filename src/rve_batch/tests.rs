@@ -1,6 +1,9 @@
 //! Batches against the equilibria of single RVEs: lanes with all instructions of the machine, and the kernels for
 //! graphics processors, executed on the processor.
 
+#[cfg(feature = "cuda")]
+mod device_memory;
+
 use std::ops::RangeInclusive;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -8,6 +11,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use nalgebra::Matrix3;
 
 use super::*;
+#[cfg(feature = "cuda")]
+use crate::backends::cuda::networks::emulation::EmulatedDevice;
 use crate::backends::networks::lanes::Level;
 use crate::backends::sparse::Sparse;
 use crate::fiber::batch::{BatchProgress, BatchSolver};
@@ -47,7 +52,7 @@ fn solvers(model: &Model, predicts: bool) -> Vec<(String, Box<dyn BatchSolver>)>
         }
     }
     #[cfg(feature = "cuda")]
-    match DeviceBatch::emulated(model, predicts) {
+    match DeviceBatch::emulated(model, predicts, EmulatedDevice::default()) {
         Some(batch) => solvers.push(("kernels".into(), Box::new(batch))),
         None => println!("skipped: there is no C++ compiler"),
     }

@@ -14,15 +14,17 @@
 //! floppy; they are solved by dynamic relaxation followed by regularized Newton. Both kinds have three strengths of
 //! alignment and 200 to 3 000 nodes.
 //!
-//! With `--lanes`, it compares the same cases, solved by all stages, with lanes and without: `lanes.rs`.
+//! With `--lanes`, `--mixed` (lanes with factors of single precision) or `--cuda` (a graphics processor; needs the feature
+//! `cuda`), it compares the same cases, solved by all stages, in batches and one by one: `batches.rs`.
 
-mod lanes;
+mod batches;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
 
 use biotissue::backends::sparse::Sparse;
+use biotissue::fiber::batch::BatchSolver;
 use biotissue::fiber::equilibrium::{
     EquilibriumParams, EquilibriumReport, RveError, Stage, StageError, Stages, equilibrate,
 };
@@ -31,6 +33,7 @@ use biotissue::fiber::network::Network;
 use biotissue::fiber::network::generate::{Alignment, GeneratorParams, Kind};
 use biotissue::fiber::rve::{Rve, RveModel, StressScale};
 use biotissue::fiber::workspace::Workspace;
+use biotissue::rve_batch::LaneBatch;
 use nalgebra::{Matrix3, Rotation3};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{RngCore, SeedableRng};
@@ -74,7 +77,13 @@ fn main() -> Result<(), Error> {
     let subjects = (0..networks).into_par_iter().map(subject).collect::<Result<Vec<_>, _>>()?;
     let has = |option: &str| std::env::args().any(|argument| argument == option);
     if has("--lanes") || has("--mixed") {
-        return Ok(lanes::compare(&subjects, gradients, has("--mixed"))?);
+        return Ok(batches::compare(&subjects, gradients, |model| {
+            let batch = LaneBatch::new(model, true).ok_or("this machine has no lanes")?;
+            Ok(Box::new(if has("--mixed") { batch.with_single_precision() } else { batch }))
+        })?);
+    }
+    if has("--cuda") {
+        return Ok(batches::compare(&subjects, gradients, on_device)?);
     }
     let outcomes = subjects
         .par_iter()
@@ -94,6 +103,20 @@ fn main() -> Result<(), Error> {
     saddles(&outcomes);
     causes(&outcomes);
     Ok(())
+}
+
+#[cfg(feature = "cuda")]
+fn on_device(model: &RveModel<Sparse>) -> Result<Box<dyn BatchSolver>, String> {
+    use biotissue::{backends::cuda::Device, rve_batch::DeviceBatch};
+
+    let batch = Device::open(0).and_then(|device| DeviceBatch::new(&device, model, true));
+    let batch = batch.map_err(|error| error.to_string())?.ok_or("the device does not know the law")?;
+    Ok(Box::new(batch))
+}
+
+#[cfg(not(feature = "cuda"))]
+fn on_device(_: &RveModel<Sparse>) -> Result<Box<dyn BatchSolver>, String> {
+    Err("this build has no support for graphics processors: add `--features cuda`".into())
 }
 
 /// Concatenation of lists.

@@ -4,6 +4,7 @@
 mod arguments;
 mod balance;
 mod constraints;
+mod cuda;
 mod element_ranks;
 mod elements;
 mod failed_step;

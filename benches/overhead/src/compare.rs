@@ -78,7 +78,8 @@ fn row(image: &Image, place: &Place, all: &[*const ()]) -> Result<Row, Box<dyn E
 }
 
 /// Functions for rare cases and for long vectors, which are deliberately not inlined.
-const RARE: [&str; 9] = [
+const RARE: [&str; 10] = [
+    "fetch",
     "scaled_norm",
     "sum_scaled",
     "norm_together",

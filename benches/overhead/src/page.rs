@@ -117,8 +117,9 @@ const HEAD: &str = "# Cost of the LAS abstraction\n\n\
     at the call, so the compiled code should equal a direct call of the backend. This page verifies that on the \
     linked program (x86-64, release profile, link-time optimization), for five ways of calling:\n\n\
     1. **by hand**: the same algorithms as loops over plain arrays without a trait, a generic backend or a \
-    `Result`, or PETSc's functions with their return codes tested (`benches/overhead/src/by_hand`). The comparison \
-    concerns the abstraction, not the algorithm: `docs/backends.md` shows that `add_at` is faster than `add` if a \
+    `Result`, or PETSc's functions with their return codes tested (`benches/overhead/src/by_hand`). On `cuda` the verbs \
+    of entries work on arrays of the host and mark the copy on the device as out of date; the others start kernels and \
+    transfers, beside which a call costs nothing, and are left out. The comparison concerns the abstraction, not the algorithm: `docs/backends.md` shows that `add_at` is faster than `add` if a \
     sparsity pattern is used repeatedly;\n\
     2. **LAS**: `VectorOps` and `MatrixOps` on a backend chosen at compile time;\n\
     3. **function**: a function of another compilation unit, which is not inlined;\n\

@@ -3,8 +3,6 @@
 //! `raw` calls the backend by hand, `las` through LAS, `call` a function of another compilation unit, `table` a
 //! function pointer and `object` a method of a trait object; the functions that the last three call use LAS.
 
-use overhead_unit::for_each_verb;
-
 macro_rules! raw {
     ($($name:ident($($arg:ident: $of:ty),*) -> $out:ty = $call:expr;)*) => {
         $(
@@ -83,65 +81,70 @@ macro_rules! object {
 macro_rules! names {
     ($($name:ident($($arg:ident: $of:ty),*) -> $out:ty = $call:expr;)*) => {
         /// The names of the verbs.
-        pub const VERBS: &[&str] = &[$(stringify!($name)),*];
+        const VERBS: &[&str] = &[$(stringify!($name)),*];
     };
 }
 
-for_each_verb!(names);
-
 macro_rules! backend {
-    ($(#[$attribute:meta])* $module:ident) => {
+    ($(#[$attribute:meta])* $module:ident, $verbs:ident) => {
         $(#[$attribute])*
         pub mod $module {
             /// By hand.
             pub mod raw {
-                use overhead_unit::for_each_verb;
+                use overhead_unit::$verbs;
 
                 use crate::by_hand::$module as hand;
+                #[allow(unused_imports, reason = "some backends have fewer verbs")]
                 use hand::{Matrix, Outcome, Reduced, Scalar, Slot, Vector};
 
-                for_each_verb!(raw);
+                $verbs!(raw);
             }
 
             /// Through LAS.
             pub mod las {
                 use biotissue::las::{MatrixOps, VectorOps};
-                use overhead_unit::for_each_verb;
+                use overhead_unit::$verbs;
+                #[allow(unused_imports, reason = "some backends have fewer verbs")]
                 use overhead_unit::$module::{B, Error, Matrix, Reduced, Scalar, Slot, Vector};
 
-                for_each_verb!(las);
+                $verbs!(las);
             }
 
             /// Through a function of another compilation unit.
             pub mod call {
-                use overhead_unit::for_each_verb;
+                use overhead_unit::$verbs;
+                #[allow(unused_imports, reason = "some backends have fewer verbs")]
                 use overhead_unit::$module::{self as unit, Error, Matrix, Reduced, Scalar, Slot, Vector};
 
-                for_each_verb!(call);
+                $verbs!(call);
             }
 
             /// Through a table of function pointers.
             pub mod table {
-                use overhead_unit::for_each_verb;
+                use overhead_unit::$verbs;
+                #[allow(unused_imports, reason = "some backends have fewer verbs")]
                 use overhead_unit::$module::{Error, Matrix, Reduced, Scalar, Slot, Table, Vector};
 
-                for_each_verb!(table);
+                $verbs!(table);
             }
 
             /// Through a trait object.
             pub mod object {
-                use overhead_unit::for_each_verb;
+                use overhead_unit::$verbs;
+                #[allow(unused_imports, reason = "some backends have fewer verbs")]
                 use overhead_unit::$module::{Error, Matrix, Operations, Reduced, Scalar, Slot, Vector};
 
-                for_each_verb!(object);
+                $verbs!(object);
             }
 
             /// Returns the addresses of the calling functions of all verbs, and of the functions that they call.
             pub fn places() -> Vec<super::Place> {
                 use overhead_unit::$module::{functions, methods};
+                use overhead_unit::$verbs;
 
+                $verbs!(names);
                 let name = stringify!($module);
-                super::places(name, [raw::all(), las::all(), call::all(), table::all(), object::all(), functions(), methods()])
+                super::places(name, VERBS, [raw::all(), las::all(), call::all(), table::all(), object::all(), functions(), methods()])
             }
         }
     };
@@ -149,23 +152,27 @@ macro_rules! backend {
 
 backend!(
     /// Compressed rows.
-    sparse
+    sparse, for_each_verb
 );
 backend!(
     /// Dense matrices.
-    dense
+    dense, for_each_verb
 );
 backend!(
     /// Four systems at once.
-    batched
+    batched, for_each_verb
 );
 backend!(
     /// PETSc.
     #[cfg(feature = "petsc")]
-    petsc
+    petsc, for_each_verb
+);
+backend!(
+    /// A CUDA device.
+    cuda, for_each_verb_of_entries
 );
 
-/// The backends of this build.
+/// The backends of this build that run on this machine.
 pub const BACKENDS: &[&str] =
     if cfg!(feature = "petsc") { &["sparse", "dense", "batched", "petsc"] } else { &["sparse", "dense", "batched"] };
 
@@ -185,14 +192,14 @@ pub struct Place {
     pub behind: [*const (); 3],
 }
 
-/// Combines the addresses, which are in the order of [`VERBS`].
-fn places(backend: &'static str, addresses: [Vec<*const ()>; 7]) -> Vec<Place> {
+/// Combines the addresses, which are in the order of the verbs.
+fn places(backend: &'static str, verbs: &[&'static str], addresses: [Vec<*const ()>; 7]) -> Vec<Place> {
     let place = |(k, &verb): (usize, &&'static str)| {
         let [raw, las, call, table, object, function, method] =
             [0, 1, 2, 3, 4, 5, 6].map(|way: usize| addresses[way][k]);
         Place { backend, verb, raw, las, others: [call, table, object], behind: [function, function, method] }
     };
-    VERBS.iter().enumerate().map(place).collect()
+    verbs.iter().enumerate().map(place).collect()
 }
 
 /// Returns the calls of all backends.
@@ -200,6 +207,6 @@ pub fn all() -> Vec<Place> {
     let mut all: Vec<Place> = [sparse::places(), dense::places(), batched::places()].into_iter().flatten().collect();
     #[cfg(feature = "petsc")]
     all.extend(petsc::places());
-    all.shrink_to_fit();
+    all.extend(cuda::places());
     all
 }

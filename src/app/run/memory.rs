@@ -7,15 +7,18 @@ use crate::fem::mesh::Mesh;
 use crate::fem::stepping::LinearSystem;
 use crate::fiber::rve::RveModel;
 use crate::fiber::workspace::Workspace;
-use crate::las::{Method, RealBackend, Sparsity, SparsityError, Symmetry};
-use crate::tissue::micro_scale::{Library, TissueMaterial};
+use crate::las::{Method, Sparsity, SparsityError, Symmetry};
+#[cfg(feature = "cuda")]
+use crate::rve_batch::DeviceBatch;
+use crate::tissue::micro_scale::TissueMaterial;
 
 /// Bytes that a run in one process takes, by part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct MemoryForecast {
     /// States and last responses of all RVEs.
     pub rves: usize,
-    /// Networks with their analyses, and the memory in which each thread solves RVEs.
+    /// Networks with their analyses, the memory in which each thread solves RVEs, and that through which RVEs get to a device
+    /// and back.
     pub networks: usize,
     /// Integration points: gradients of the shape functions, and deformation gradients, stresses and tangents of the converged
     /// and of the trial state.
@@ -78,7 +81,7 @@ impl MemoryForecast {
                 if system.solver.fallback { factor() } else { 0.0 },
             ),
         };
-        let (rves, networks) = (field.rve_bytes(), of_networks(field.library(), threads));
+        let (rves, networks) = (field.rve_bytes(), of_networks(case, field, threads));
         let whole = mesh.whole();
         let (points, system) = (POINT * whole.points, of_system as usize + ELEMENT * whole.elements);
         let fields = of_fields(case, mesh);
@@ -135,8 +138,25 @@ fn of_fields(case: &Case, mesh: &Mesh) -> usize {
     size_of::<f64>() * (at_points * whole.points + of_elements + at_nodes * whole.nodes)
 }
 
-fn of_networks<B: RealBackend>(library: &Library<B>, threads: usize) -> usize {
-    let of_model = |model: &RveModel<B>| threads * Workspace::bytes_for(model) + model.bytes();
+fn of_networks(case: &Case, field: &impl TissueMaterial, threads: usize) -> usize {
+    let library = field.library();
+    let of_model = |model| threads * Workspace::bytes_for(model) + RveModel::bytes(model);
     let arrays = library.models().iter().map(of_model).sum::<usize>() + threads * library.batch_bytes_per_thread();
-    (OVERHEAD * arrays as f64) as usize
+    (OVERHEAD * arrays as f64) as usize + of_transfers(case, field)
+}
+
+/// Returns the memory through which RVEs get to a device and back.
+#[cfg(feature = "cuda")]
+fn of_transfers(case: &Case, field: &impl TissueMaterial) -> usize {
+    if case.micro.device.is_none() {
+        return 0;
+    }
+    let (library, counts) = (field.library(), field.rve_counts().per_model);
+    let of_model = |(model, rves)| DeviceBatch::host_bytes(model, rves, library.predicts());
+    library.models().iter().zip(counts).map(of_model).sum()
+}
+
+#[cfg(not(feature = "cuda"))]
+fn of_transfers(_: &Case, _: &impl TissueMaterial) -> usize {
+    0
 }

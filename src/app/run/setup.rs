@@ -24,7 +24,7 @@ use crate::fem::stepping::{BodyDivision, BodyPart, LinearSystem, SetupError, Ste
 use crate::input::InputErrors;
 use crate::las::RealBackend;
 use crate::tissue::materials::Materials;
-use crate::tissue::micro_scale::{LibraryError, Sites, TissueField, TissueFieldError, TissueMaterial};
+use crate::tissue::micro_scale::{LibraryError, ProgressSource, Sites, TissueField, TissueFieldError, TissueMaterial};
 use crate::tissue::two_scale::partition;
 
 /// The reason why a simulation cannot be set up.
@@ -97,8 +97,11 @@ impl<B: RealBackend, N: RealBackend> Setup<B, TissueField<N>> {
     /// # Errors
     /// Returns [`LibraryError::Device`] if the device cannot be used.
     pub fn with_device(mut self) -> Result<Self, SimulationError<B::Error>> {
-        let (device, predicts) = (self.case.micro.device, self.field.library().predicts());
-        self.field.solve_in_batches(|model| rve_device::batch_solver(device, 0, model, predicts))?;
+        if let Some(device) = rve_device::open(self.case.micro.device, 0)? {
+            let library = self.field.library();
+            let mut solvers = device.batch_solvers(1, library.models(), library.predicts())?.into_iter();
+            self.field.solve_in_batches(|_| Ok::<_, LibraryError>(solvers.next().flatten()))?;
+        }
         Ok(self)
     }
 }
@@ -154,6 +157,7 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
         warnings.extend(implausible);
         warnings.extend(network_warnings);
         warnings.extend(without_networks(&case));
+        warnings.extend(few_for_a_device(&case, &field.rve_counts().per_model));
         warnings.extend(macro_scale::imbalance(&case, &whole, &boundary));
         let networks = if part.is_some() && case.output.rve != ElementSelection::None {
             rve_files::points(&case, &Sites::new(field.library(), &whole)?)?
@@ -289,6 +293,11 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
         &self.mesh
     }
 
+    /// Returns a function that says what the RVEs are doing in an evaluation; `None` without RVEs.
+    pub fn progress_source(&self) -> Option<ProgressSource> {
+        self.field.progress_source()
+    }
+
     /// Returns the material of the body.
     pub fn material_mut(&mut self) -> &mut M {
         &mut self.field
@@ -314,6 +323,21 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
         let (lock, written) = (None, ResultsRecord::default());
         Ok(Simulation { case, stepper, hashes, surfaces, networks, warnings, lock, written })
     }
+}
+
+/// Returns a warning if a device would solve fewer RVEs of every network than pay.
+fn few_for_a_device(case: &Case, rves: &[usize]) -> Option<String> {
+    /// About so many networks take a device as long as one core of a processor; `docs/cuda.md` has measurements.
+    const LEAST: usize = 300;
+    let (device, most) = (case.micro.device?, rves.iter().max()?);
+    (*most < LEAST).then(|| {
+        format!(
+            "{}: `device = \"{}\"` in [micro]: no network has more than {most} RVEs, which a processor solves faster: it pays from \
+             about {LEAST} RVEs of a network for each core on",
+            case.file.display(),
+            device.name()
+        )
+    })
 }
 
 /// Warnings for regions whose RVEs have no network.

@@ -5,6 +5,7 @@ use std::ffi::{CStr, CString};
 use cudarc::nvrtc::{Ptx, result, sys};
 
 use super::CudaError;
+use super::error::check_functions;
 
 /// A program of the compiler.
 struct Program(sys::nvrtcProgram);
@@ -16,14 +17,28 @@ impl Drop for Program {
     }
 }
 
-/// Returns an error if the compiler cannot be loaded.
+const LIBRARY: &str = "libnvrtc.so";
+const PACKAGE: &str = "the CUDA toolkit or the Python package nvidia-cuda-nvrtc";
+
+/// Returns an error if the compiler cannot be loaded, or is too old to write machine code.
 pub(super) fn find() -> Result<(), CudaError> {
     // SAFETY: loads `libnvrtc`, whose initialization has no precondition.
-    if unsafe { sys::is_culib_present() } {
-        return Ok(());
+    if !unsafe { sys::is_culib_present() } {
+        return Err(CudaError::MissingLibrary { library: LIBRARY, package: PACKAGE });
     }
-    let package = "the CUDA toolkit or the Python package nvidia-cuda-nvrtc";
-    Err(CudaError::MissingLibrary { library: "libnvrtc.so", package })
+    // SAFETY: as above; the library is there.
+    let loaded = unsafe { sys::culib() };
+    check_functions!(loaded, LIBRARY, PACKAGE, ["nvrtcGetCUBINSize", "nvrtcGetCUBIN"])
+}
+
+/// Returns true if the compiler is not installed, which a test reports and BIOTISSUE_REQUIRE_NVRTC=1 forbids.
+#[cfg(test)]
+pub(super) fn is_missing() -> bool {
+    let Err(error) = find() else { return false };
+    let is_required = std::env::var("BIOTISSUE_REQUIRE_NVRTC").is_ok_and(|required| required != "0");
+    assert!(!is_required, "{error}");
+    println!("skipped: {error}");
+    true
 }
 
 /// Compiles a CUDA C++ source; this needs NVRTC, but no device.
@@ -63,13 +78,24 @@ mod tests {
 
     #[test]
     fn errors_of_the_compiler_name_the_line() {
-        if let Err(error) = find() {
-            return eprintln!("skipped: {error}");
+        if is_missing() {
+            return;
         }
         let error = compile("extern \"C\" __global__ void wrong() { unknown(); }", "sm_90").unwrap_err();
         assert!(error.to_string().contains("sm_90") && error.to_string().contains("unknown"), "{error}");
         let right = "extern \"C\" __global__ void right() {}";
         assert!(compile(right, "sm_90").is_ok());
         assert!(compile(right, "compute_90").unwrap().to_src().contains(".entry right"));
+    }
+
+    #[test]
+    fn an_old_library_is_reported() {
+        if is_missing() {
+            return;
+        }
+        // SAFETY: the library is there.
+        let loaded = unsafe { sys::culib() };
+        let error = check_functions!(loaded, LIBRARY, PACKAGE, ["nvrtcVersion", "nvrtcOfTomorrow"]).unwrap_err();
+        assert_eq!(error.to_string().split(':').next(), Some("libnvrtc.so is too old, it has no nvrtcOfTomorrow"));
     }
 }

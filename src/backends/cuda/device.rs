@@ -6,6 +6,7 @@ use std::sync::{Arc, OnceLock};
 use cudarc::driver::{CudaContext, CudaModule, CudaStream};
 
 use super::algebra::Algebra;
+use super::error::check_functions;
 use super::{CudaError, compiler};
 
 /// A CUDA device with the stream on which this crate works. Clones share both.
@@ -36,13 +37,18 @@ impl fmt::Debug for Device {
     }
 }
 
-/// Returns an error if the library of the driver cannot be loaded: its first use would panic.
+/// Returns an error if the library of the driver cannot be loaded, or is too old: its first use would panic.
 fn find_driver() -> Result<(), CudaError> {
+    const LIBRARY: &str = "libcuda.so";
+    const PACKAGE: &str = "the NVIDIA driver";
     // SAFETY: loads `libcuda`, whose initialization has no precondition.
-    if unsafe { cudarc::driver::sys::is_culib_present() } {
-        return Ok(());
+    if !unsafe { cudarc::driver::sys::is_culib_present() } {
+        return Err(CudaError::MissingLibrary { library: LIBRARY, package: PACKAGE });
     }
-    Err(CudaError::MissingLibrary { library: "libcuda.so", package: "the NVIDIA driver" })
+    // SAFETY: as above; the library is there.
+    let loaded = unsafe { cudarc::driver::sys::culib() };
+    // The newest of the functions that are called.
+    check_functions!(loaded, LIBRARY, PACKAGE, ["cuMemAllocAsync", "cuDeviceGetUuid_v2"])
 }
 
 impl Device {
@@ -81,6 +87,20 @@ impl Device {
     /// Returns the error of the driver.
     pub fn name(&self) -> Result<String, CudaError> {
         self.context().name().map_err(CudaError::of("read the name of the device"))
+    }
+
+    /// The number of the device, counted from 0 in this process.
+    pub fn ordinal(&self) -> usize {
+        self.context().ordinal()
+    }
+
+    /// Bytes that no other device has, on this machine or another one.
+    ///
+    /// # Errors
+    /// Returns the error of the driver.
+    pub fn uuid(&self) -> Result<[u8; 16], CudaError> {
+        let uuid = self.context().uuid().map_err(CudaError::of("read the id of the device"))?;
+        Ok(uuid.bytes.map(|byte| byte as u8))
     }
 
     /// Bytes of device memory that are free, and those that the device has.

@@ -16,6 +16,16 @@ pub enum CudaError {
         /// What contains the library.
         package: &'static str,
     },
+    /// A shared library lacks a function.
+    #[error("{library} is too old, it has no {function}: install a newer version of {package}")]
+    OldLibrary {
+        /// The name of the shared library.
+        library: &'static str,
+        /// The function.
+        function: &'static str,
+        /// What contains the library.
+        package: &'static str,
+    },
     /// The machine has no such device.
     #[error("there is no CUDA device number {ordinal}; the driver lists {count} devices, numbered from 0")]
     NoDevice {
@@ -52,10 +62,30 @@ pub enum CudaError {
     },
 }
 
+/// Returns an error if a library, which `cudarc` has loaded, lacks one of these functions: a call of it would panic.
+macro_rules! check_functions {
+    ($loaded:expr, $library:expr, $package:expr, $functions:expr) => {{
+        // SAFETY: only the presence of the functions is tested.
+        let is_missing = |name: &&str| unsafe { $loaded.get::<unsafe extern "C" fn()>(name.as_bytes()) }.is_err();
+        match $functions.into_iter().find(is_missing) {
+            Some(function) => Err(CudaError::OldLibrary { library: $library, function, package: $package }),
+            None => Ok(()),
+        }
+    }};
+}
+
+pub(super) use check_functions;
+
 impl CudaError {
     /// Returns true if the memory of the device does not suffice.
     pub fn is_out_of_memory(&self) -> bool {
         matches!(self, Self::Driver { error: DriverError(CUresult::CUDA_ERROR_OUT_OF_MEMORY), .. })
+    }
+
+    /// The error of a device whose memory does not suffice.
+    #[cfg(test)]
+    pub(crate) fn out_of_memory() -> Self {
+        Self::of("allocate memory")(DriverError(CUresult::CUDA_ERROR_OUT_OF_MEMORY))
     }
 
     /// Adds to an error of the driver what was asked of it.

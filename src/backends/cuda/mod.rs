@@ -13,7 +13,8 @@
 //!
 //! Vectors and matrices have a copy on the host and one on the device; each is renewed when it is needed. A vector or
 //! matrix gets memory on the device by its first operation there, and from then on `finish` sends what was written on
-//! the host, in one transfer. Therefore write many entries between two operations of the device, and read few.
+//! the host, in one transfer. Therefore write and read many entries between two operations of the device: `set` and `get`
+//! scatter and gather by any number of indices, and the first of several calls transfers all entries of the vector.
 //!
 //! Multigrid has the levels of [`sparse::multigrid`](crate::backends::sparse::multigrid), which the host builds, but
 //! another smoother: Gauss-Seidel sweeps are sequential, so that the device runs Chebyshev iterations with the inverses

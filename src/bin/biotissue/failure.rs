@@ -19,6 +19,8 @@ pub enum Failure {
     /// A signal has ended the run, with this message: exit code 130, by shell convention that of a process ended by
     /// Ctrl-C.
     Interrupted(String),
+    /// The failure of another rank, with its exit code and its text.
+    OfRank { code: u8, text: String },
     /// A rank that runs as a thread panicked and ended the others: exit code 101, as for any panic.
     Panicked(String),
 }
@@ -33,7 +35,7 @@ impl Failure {
     pub fn code(&self) -> u8 {
         match self {
             Self::Input(_) => 2,
-            Self::General { code, .. } => *code,
+            Self::General { code, .. } | Self::OfRank { code, .. } => *code,
             Self::Interrupted(_) => INTERRUPTED,
             Self::Panicked(_) => 101,
         }
@@ -82,7 +84,7 @@ impl fmt::Display for Failure {
                 let at = place.as_ref().map_or_else(String::new, |place| format!("  at: {place}\n"));
                 format!("error: {what}\n{at}  expected: {expected}\n  cure: {cure}")
             }
-            Self::Interrupted(what) => what.clone(),
+            Self::Interrupted(text) | Self::OfRank { text, .. } => text.clone(),
             Self::Panicked(what) => {
                 format!("error: {what}\n  expected: no panic\n  cure: report this as a bug, with the case")
             }

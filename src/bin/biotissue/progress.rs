@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use biotissue::app::Progress;
 use biotissue::app::results::log::{Cut, Step};
-use biotissue::app::run::{ProblemSize, Simulation};
+use biotissue::app::run::{ProblemSize, Setup, Simulation};
 use biotissue::fem::stepping::Iterating;
 use biotissue::las::RealBackend;
 use biotissue::tissue::micro_scale::TissueMaterial;
@@ -27,6 +27,14 @@ pub struct Reporter {
     completed_steps: Arc<AtomicUsize>,
     saved_steps: Arc<AtomicUsize>,
     is_interrupted: Arc<AtomicBool>,
+}
+
+/// Reports on the first evaluation of a body, at least every `report_every`, until it is dropped. With many large networks,
+/// the evaluation takes minutes.
+pub fn of_undeformed_body<B: RealBackend, M: TissueMaterial>(setup: &Setup<B, M>, report_every: Duration) -> Heartbeat {
+    let heartbeat = Heartbeat::start(report_every, setup.progress_source(), |text, _| output::message(text));
+    heartbeat.begin("undeformed body".into());
+    heartbeat
 }
 
 impl Reporter {

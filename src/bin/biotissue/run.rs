@@ -23,7 +23,7 @@ use crate::failure::Failure;
 use crate::interrupt::{self, how_to_continue};
 use crate::number::count;
 use crate::output;
-use crate::progress::Reporter;
+use crate::progress::{self, Reporter};
 use crate::ranks::{self, RunContext};
 
 /// Maximum number of threads, above the number of cores of any supported machine.
@@ -343,7 +343,7 @@ impl Job for RunJob<'_> {
     type Output = Summary;
 
     fn run<B: ProgramBackend>(self, context: B::Context) -> Result<Summary, Failure> {
-        take_steps(&mut simulation::<B>(context, self.case)?, &(), self.steps)
+        take_steps(&mut simulation::<B>(context, self.case, self.steps.report_every)?, &(), self.steps)
     }
 }
 
@@ -418,8 +418,7 @@ pub type OneProcess<B> = Setup<B, TissueField<<B as ProgramBackend>::Local>>;
 pub fn setup<B: ProgramBackend>(context: B::Context, case: Case) -> Result<OneProcess<B>, Failure> {
     let hints = CaseHints::of(&case);
     let of_rves = B::local(&context);
-    let setup = Setup::with_rves(context, of_rves, case).and_then(Setup::with_device);
-    let setup = setup.map_err(|error| not_set_up(&hints, error))?;
+    let setup = Setup::with_rves(context, of_rves, case).map_err(|error| not_set_up(&hints, error))?;
     output::warn(setup.warnings());
     Ok(setup)
 }
@@ -428,9 +427,11 @@ pub fn setup<B: ProgramBackend>(context: B::Context, case: Case) -> Result<OnePr
 fn simulation<B: ProgramBackend>(
     context: B::Context,
     case: Case,
+    report_every: Duration,
 ) -> Result<Simulation<B, TissueField<B::Local>>, Failure> {
     let hints = CaseHints::of(&case);
-    let setup = setup::<B>(context, case)?;
+    let setup = setup::<B>(context, case)?.with_device().map_err(|error| not_set_up(&hints, error))?;
     output::warn(&setup.floppy_networks(Examination::Quick).warnings);
+    let _progress = progress::of_undeformed_body(&setup, report_every);
     setup.simulation().map_err(|error| not_set_up(&hints, error))
 }

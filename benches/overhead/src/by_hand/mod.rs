@@ -5,6 +5,7 @@
 //! and entries outside the pattern are dropped, and nothing is read or written out of bounds.
 
 pub mod csr;
+pub mod cuda;
 pub mod four;
 pub mod full;
 #[cfg(feature = "petsc")]

@@ -1,22 +1,19 @@
 //! The verbs of every backend in the three ways of an interface that is chosen at run time or link time: functions of
 //! another compilation unit (this crate), a table of function pointers, and a trait object.
 
-/// Passes every verb to a macro: its name, its arguments in terms of the types `Vector`, `Matrix`, `Scalar`, `Reduced`
-/// and `Slot` in scope there, its return type, and its call through LAS on the backend `B`.
+/// Passes the verbs that access single entries to a macro: the name of each, its arguments in terms of the types `Vector`,
+/// `Matrix`, `Scalar`, `Reduced` and `Slot` in scope there, its return type, and its call through LAS on the backend `B`. More
+/// verbs may follow.
 #[macro_export]
-macro_rules! for_each_verb {
-    ($callback:ident) => {
+macro_rules! for_each_verb_of_entries {
+    ($callback:ident $(, $($more:tt)+)?) => {
         $callback! {
             vector_zero(y: &mut Vector) -> () = VectorOps::<B>::zero(y);
             vector_add(y: &mut Vector, rows: &[i32], values: &[Scalar]) -> () = VectorOps::<B>::add(y, rows, values);
             vector_set(y: &mut Vector, rows: &[i32], values: &[Scalar]) -> () = VectorOps::<B>::set(y, rows, values);
             vector_get(y: &Vector, rows: &[i32], values: &mut [Scalar]) -> () = VectorOps::<B>::get(y, rows, values);
-            vector_norm(y: &Vector) -> Reduced = VectorOps::<B>::norm(y);
-            vector_dot(x: &Vector, y: &Vector) -> Reduced = VectorOps::<B>::dot(x, y);
-            vector_axpy(y: &mut Vector, a: Scalar, x: &Vector) -> () = VectorOps::<B>::axpy(y, a, x);
             vector_local(y: &mut Vector, value: Scalar) -> () =
                 VectorOps::<B>::with_local_mut(y, |values| values.iter_mut().for_each(|entry| *entry = value));
-            vector_finish(y: &mut Vector) -> () = VectorOps::<B>::finish(y);
             matrix_zero(k: &mut Matrix) -> () = MatrixOps::<B>::zero(k);
             matrix_zero_rows(k: &mut Matrix, rows: &[i32]) -> () = MatrixOps::<B>::zero_rows(k, rows);
             matrix_add(k: &mut Matrix, rows: &[i32], cols: &[i32], block: &[Scalar]) -> () =
@@ -27,6 +24,21 @@ macro_rules! for_each_verb {
                 MatrixOps::<B>::get(k, rows, cols, block);
             matrix_add_at(k: &mut Matrix, slots: &[Slot], block: &[Scalar]) -> () =
                 MatrixOps::<B>::add_at(k, slots, block);
+            $($($more)+)?
+        }
+    };
+}
+
+/// Passes every verb to a macro, as [`for_each_verb_of_entries`].
+#[macro_export]
+macro_rules! for_each_verb {
+    ($callback:ident) => {
+        $crate::for_each_verb_of_entries! {
+            $callback,
+            vector_norm(y: &Vector) -> Reduced = VectorOps::<B>::norm(y);
+            vector_dot(x: &Vector, y: &Vector) -> Reduced = VectorOps::<B>::dot(x, y);
+            vector_axpy(y: &mut Vector, a: Scalar, x: &Vector) -> () = VectorOps::<B>::axpy(y, a, x);
+            vector_finish(y: &mut Vector) -> () = VectorOps::<B>::finish(y);
             matrix_finish(k: &mut Matrix) -> () = MatrixOps::<B>::finish(k);
         }
     };
@@ -91,7 +103,7 @@ macro_rules! ways {
 }
 
 macro_rules! backend {
-    ($(#[$attribute:meta])* $module:ident, $backend:ty) => {
+    ($(#[$attribute:meta])* $module:ident, $backend:ty, $verbs:ident) => {
         $(#[$attribute])*
         pub mod $module {
             use biotissue::las::{Backend, MatrixOps, VectorOps};
@@ -111,25 +123,29 @@ macro_rules! backend {
             /// Type of its errors.
             pub type Error = <B as Backend>::Error;
 
-            for_each_verb!(ways);
+            $verbs!(ways);
         }
     };
 }
 
 backend!(
     /// Compressed rows.
-    sparse, biotissue::backends::sparse::Sparse
+    sparse, biotissue::backends::sparse::Sparse, for_each_verb
 );
 backend!(
     /// Dense matrices.
-    dense, biotissue::backends::dense::Dense
+    dense, biotissue::backends::dense::Dense, for_each_verb
 );
 backend!(
     /// Four systems at once.
-    batched, biotissue::backends::batched::Batched
+    batched, biotissue::backends::batched::Batched, for_each_verb
 );
 backend!(
     /// PETSc.
     #[cfg(feature = "petsc")]
-    petsc, biotissue::backends::petsc::Petsc
+    petsc, biotissue::backends::petsc::Petsc, for_each_verb
+);
+backend!(
+    /// A CUDA device, whose other verbs start kernels and transfers.
+    cuda, biotissue::backends::cuda::Cuda, for_each_verb_of_entries
 );

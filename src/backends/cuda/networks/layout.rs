@@ -102,3 +102,20 @@ pub(super) fn source(Variant { tile, only_law }: Variant) -> String {
     let only_law = only_law.map(|kind| format!("#define ONLY_LAW {kind}\n")).unwrap_or_default();
     format!("#define BLOCK_THREADS {BLOCK_THREADS}\n#define COLUMNS {columns}\n#define ROWS {rows}\n{only_law}{SOURCE}")
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::backends::cuda::compiler::{compile, is_missing};
+    use crate::backends::cuda::networks::TILE;
+
+    #[test]
+    fn the_kernels_of_networks_compile_for_each_law() {
+        if is_missing() {
+            return;
+        }
+        for only_law in [None, Some(0), Some(1), Some(2)] {
+            compile(&source(Variant { tile: TILE, only_law }), "sm_90").unwrap();
+        }
+    }
+}

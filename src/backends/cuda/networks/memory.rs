@@ -57,27 +57,45 @@ pub(super) struct Scratch {
 }
 
 impl NetworkBatch {
-    /// Allocates the memory for as many of `count` networks as fit, and returns how many: `count`, a half of it, a
-    /// quarter, and so on; 0 if not even a few fit. Their states are undefined.
+    /// Makes room for at most this number of networks from now on, rounded down to whole blocks of threads, of which there is
+    /// at least one: so other batches of the device have room too.
+    pub fn limit(&mut self, networks: usize) {
+        self.limit = (networks / BLOCK_THREADS).max(1) * BLOCK_THREADS;
+    }
+
+    /// Allocates the memory for as many of `count` networks as fit, and returns how many: `count`, at most the
+    /// [limit](NetworkBatch::limit), or a half of it, a quarter, and so on; 0 if not even a few fit. Then this is the limit
+    /// from now on. The states are undefined.
     ///
     /// # Errors
     /// Returns the error of the device, except that its memory does not suffice.
     pub fn make_room(&mut self, count: usize) -> Result<usize, CudaError> {
-        let mut fitting = count;
-        loop {
+        let mut fitting = count.min(self.limit);
+        while fitting > 0 {
             match self.reserve(fitting).and_then(|()| self.reserve_scratch(fitting)) {
                 Ok(()) => return Ok(fitting),
                 Err(error) if error.is_out_of_memory() => {
-                    (self.networks, self.scratch) = (None, None);
-                    self.queue.wait()?;
+                    self.release()?;
                     fitting /= 2;
+                    // Networks in the same block of threads need no more memory than one.
                     if fitting < BLOCK_THREADS {
-                        return Ok(0);
+                        fitting = 0;
                     }
+                    self.limit = fitting;
                 }
                 Err(error) => return Err(error),
             }
         }
+        Ok(0)
+    }
+
+    /// Frees the memory of all networks, whose states are lost.
+    ///
+    /// # Errors
+    /// Returns the error of the device.
+    pub fn release(&mut self) -> Result<(), CudaError> {
+        (self.networks, self.scratch) = (None, None);
+        self.queue.wait()
     }
 
     /// Numbers of the arrays of a thread: positions, direction, diagonal and other blocks of the stiffness, diagonal and
@@ -133,7 +151,7 @@ impl NetworkBatch {
         }
         // RVEs that are created one after the other must not cause an allocation each.
         let held = self.networks.as_ref().map_or(0, |networks| networks.capacity);
-        let capacity = count.max(held + held / 2).next_multiple_of(LANES);
+        let capacity = count.max((held + held / 2).min(self.limit)).next_multiple_of(LANES);
         // The scratch memory may take much of the memory; it is allocated again for what the networks leave. The device may
         // still work with both.
         self.queue.wait()?;

@@ -14,7 +14,7 @@
 //! [`Status`]: crate::backends::networks::Status
 
 #[cfg(test)]
-mod emulation;
+pub(crate) mod emulation;
 mod incidents;
 mod layout;
 mod memory;
@@ -46,6 +46,8 @@ pub struct NetworkBatch {
     keeps_sensitivities: bool,
     networks: Option<Networks>,
     scratch: Option<Scratch>,
+    /// The most networks that [`NetworkBatch::make_room`] makes room for.
+    limit: usize,
 }
 
 impl NetworkBatch {
@@ -63,9 +65,13 @@ impl NetworkBatch {
 
     /// Makes an empty batch whose kernels run on the processor; `None` without a C++ compiler.
     #[cfg(test)]
-    pub(crate) fn emulated(network: &NetworkData, keeps_sensitivities: bool) -> Option<Self> {
+    pub(crate) fn emulated(
+        network: &NetworkData,
+        keeps_sensitivities: bool,
+        device: emulation::EmulatedDevice,
+    ) -> Option<Self> {
         let variant = Variant { tile: TILE, only_law: LawData::only(&network.laws) };
-        let queue = Queue::Emulated(std::sync::Arc::new(emulation::Emulation::new(variant)?));
+        let queue = Queue::Emulated(std::sync::Arc::new(emulation::Emulation::new(variant, device)?));
         Some(Self::on(queue, network, keeps_sensitivities).unwrap())
     }
 
@@ -117,6 +123,7 @@ impl NetworkBatch {
             keeps_sensitivities,
             networks: None,
             scratch: None,
+            limit: usize::MAX,
         })
     }
 
@@ -157,6 +164,13 @@ impl NetworkBatch {
     pub fn bytes_per_network(&self) -> usize {
         let (interior, sensitivities) = (self.uniform.interior as usize, self.sensitivities());
         2 * (size_of::<f64>() * (9 + 3 * interior + 9 + 3 * interior + RESULT_LEN) + size_of::<f32>() * sensitivities)
+    }
+
+    /// Bytes of page-locked memory of the host for each network with this number of interior nodes.
+    pub fn host_bytes_per_network(interior: usize, keeps_sensitivities: bool) -> usize {
+        let of_sensitivities = size_of::<f64>() + size_of::<f32>() * 3 * MODES * interior;
+        let of_states = size_of::<f64>() * (9 + 3 * interior + 9 + RESULT_LEN);
+        of_states + if keeps_sensitivities { of_sensitivities } else { 0 }
     }
 
     /// Bytes of device memory for each network that is being solved.

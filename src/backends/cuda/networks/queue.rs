@@ -41,7 +41,7 @@ pub(super) enum Queue {
 pub(super) enum Memory<T> {
     Device(CudaSlice<T>),
     #[cfg(test)]
-    Host(Vec<T>),
+    Host(Vec<T>, #[expect(dead_code, reason = "dropped with the numbers")] super::emulation::Allocation),
 }
 
 /// Page-locked memory of the host, which the device reads and writes without a copy in between.
@@ -105,7 +105,10 @@ impl Queue {
                 device.stream().alloc_zeros(len.max(1)).map(Memory::Device).map_err(CudaError::of("allocate memory"))
             }
             #[cfg(test)]
-            Self::Emulated(_) => Ok(Memory::Host(vec![T::default(); len])),
+            Self::Emulated(emulation) => {
+                let allocation = emulation.device().allocate(size_of::<T>() * len)?;
+                Ok(Memory::Host(vec![T::default(); len], allocation))
+            }
         }
     }
 
@@ -151,7 +154,7 @@ impl Queue {
                 device.stream().memcpy_htod(values, &mut part).map_err(CudaError::of("copy to the device"))
             }
             #[cfg(test)]
-            (Self::Emulated(_), Memory::Host(memory)) => {
+            (Self::Emulated(_), Memory::Host(memory, _)) => {
                 memory[..values.len()].clone_from_slice(values);
                 Ok(())
             }
@@ -173,7 +176,7 @@ impl Queue {
                 device.synchronize()
             }
             #[cfg(test)]
-            (Self::Emulated(_), Memory::Host(memory)) => {
+            (Self::Emulated(_), Memory::Host(memory, _)) => {
                 values.clone_from_slice(&memory[..values.len()]);
                 Ok(())
             }
@@ -187,7 +190,7 @@ impl Queue {
         match (self, memory) {
             (Self::Device { device, .. }, Memory::Device(memory)) => memory.device_ptr(device.stream()).0,
             #[cfg(test)]
-            (_, Memory::Host(memory)) => memory.as_ptr() as u64,
+            (_, Memory::Host(memory, _)) => memory.as_ptr() as u64,
             #[cfg(test)]
             _ => unreachable!("memory of another queue"),
         }
@@ -212,8 +215,7 @@ impl Queue {
             #[cfg(test)]
             Self::Emulated(emulation) => {
                 // SAFETY: the caller guarantees it.
-                unsafe { emulation.run(kernel, uniform, threads) };
-                Ok(())
+                unsafe { emulation.run(kernel, uniform, threads) }
             }
         }
     }
@@ -232,7 +234,7 @@ impl Queue {
                 Ok(blocks as usize * multiprocessors as usize * BLOCK_THREADS)
             }
             #[cfg(test)]
-            Self::Emulated(_) => Ok(64),
+            Self::Emulated(emulation) => Ok(emulation.device().threads),
         }
     }
 
@@ -241,7 +243,7 @@ impl Queue {
         match self {
             Self::Device { device, .. } => Ok(device.memory()?.0),
             #[cfg(test)]
-            Self::Emulated(_) => Ok(1 << 30),
+            Self::Emulated(emulation) => Ok(emulation.device().free()),
         }
     }
 }

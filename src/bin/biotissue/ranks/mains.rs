@@ -18,6 +18,7 @@ use crate::dispatch::{Job, ProgramBackend, dispatch};
 use crate::error_hints::{CaseHints, no_device, not_set_up};
 use crate::failure::Failure;
 use crate::output;
+use crate::progress::of_undeformed_body;
 use crate::run::take_steps;
 
 /// Runs the main function of the scale that this rank belongs to.
@@ -84,16 +85,20 @@ impl<C: Ranks> Job for MicroRank<'_, C> {
 
     fn run<B: ProgramBackend>(self, _: B::Context) -> Result<Self::Output, Failure> {
         let Self { world, scales, run, progress } = self;
+        let device = rve_device::open(run.case.micro.device, scales.comm().rank());
+        let of_rank = device.as_ref().ok().and_then(Option::as_ref);
+        let sharing = rve_device::ranks_of_device(scales.comm(), of_rank).map_err(|error| ranks_failed(&error))?;
         // The macro scale reads the same files and reports their errors.
         let ranks = ScaleRanks { world, scales, divides: false };
         let read = ranks.materials(&run.case).map_err(|error| ranks_failed(&error)).and_then(|materials| {
-            let device = materials.rve.device;
             let (mut library, warnings) =
                 Library::<B::Micro>::read((), materials).map_err(|error| ranks_failed(&error))?;
-            let predicts = library.predicts();
-            library
-                .solve_in_batches(|model| rve_device::batch_solver(device, scales.comm().rank(), model, predicts))
-                .map_err(|error| no_device(&run.case.file, &error))?;
+            let failed = |error| no_device(&run.case.file, &error);
+            if let Some(device) = device.map_err(failed)? {
+                let solvers = device.batch_solvers(sharing, library.models(), library.predicts()).map_err(failed)?;
+                let mut solvers = solvers.into_iter();
+                library.solve_in_batches(|_| Ok(solvers.next().flatten())).map_err(failed)?;
+            }
             Ok((library, warnings))
         });
         if let Ok((library, _)) = agreed(world, read)? {
@@ -142,7 +147,10 @@ impl<C: Ranks> Job for MacroRank<'_, C> {
         setup.material_mut().receive_progress(progress).map_err(|error| ranks_failed(&error))?;
         setup.material_mut().couple().map_err(|error: TwoScaleError| ranks_failed(&error))?;
         let broken = setup.material_mut().broken();
-        let mut simulation = match setup.simulation() {
+        let progress = is_root.then(|| of_undeformed_body(&setup, run.steps.report_every));
+        let simulation = setup.simulation();
+        drop(progress);
+        let mut simulation = match simulation {
             Ok(simulation) => simulation,
             Err(error) => return or_broken(&broken, Err(not_set_up(&hints, error))),
         };

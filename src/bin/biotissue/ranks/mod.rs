@@ -3,6 +3,7 @@
 #[cfg(any(feature = "sparse", feature = "dense"))]
 mod mains;
 
+use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
@@ -274,10 +275,29 @@ fn plan_failure(error: &ScaleError, scales: &str, file: &Path) -> Failure {
 /// Makes all ranks fail if one of them failed: a failed rank returns its own failure, the others that of the first
 /// failed rank. Collective.
 pub fn agreed<C: Comm, T>(world: &C, outcome: Result<T, Failure>) -> Result<Result<T, Failure>, Failure> {
-    match world.agree(outcome) {
+    match world.agree(outcome.map_err(Told)) {
         Ok(found) => Ok(Ok(found)),
-        Err(Disagreement::Own(failure)) => Ok(Err(failure)),
-        Err(failed @ Disagreement::Failed { .. }) => Ok(Err(ranks_failed(&failed))),
+        Err(Disagreement::Own(Told(failure))) => Ok(Err(failure)),
+        Err(Disagreement::Failed { rank, reason }) => Ok(Err(Told::failure(rank, &reason))),
         Err(Disagreement::Comm(error)) => Err(ranks_failed(&error)),
+    }
+}
+
+/// A failure as other ranks are told of it: its exit code and its text.
+struct Told(Failure);
+
+impl fmt::Display for Told {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} {}", self.0.code(), self.0)
+    }
+}
+
+impl Told {
+    /// Returns the failure that a rank told.
+    fn failure(rank: usize, told: &str) -> Failure {
+        let (code, text) = told.split_once(' ').unwrap_or_default();
+        let (text, is_error) = text.strip_prefix("error: ").map_or((text, false), |text| (text, true));
+        let text = if is_error { format!("error: rank {rank}: {text}") } else { text.to_owned() };
+        code.parse().map_or_else(|_| ranks_failed(&told), |code| Failure::OfRank { code, text })
     }
 }

@@ -68,11 +68,12 @@ fn fields_in_mixed_precision_agree_with_those_without_lanes() {
 #[cfg(feature = "cuda")]
 #[test]
 fn fields_with_kernels_agree_with_those_without_through_load_steps() {
+    use crate::backends::cuda::networks::emulation::EmulatedDevice;
     use crate::rve_batch::DeviceBatch;
 
     compare(
         |model, predictor| {
-            let batch = DeviceBatch::emulated(model, predictor);
+            let batch = DeviceBatch::emulated(model, predictor, EmulatedDevice::default());
             if batch.is_none() {
                 println!("skipped: there is no C++ compiler");
             }

@@ -1,11 +1,11 @@
-//! The cases with and without lanes: which of them are solved in lanes, and whether the results are the same. With
-//! `mixed`, lanes use factors of single precision.
+//! The cases in batches and one by one: which of them are solved in batches, and whether the results are the same.
 
+use biotissue::backends::sparse::Sparse;
+use biotissue::fiber::batch::BatchSolver;
 use biotissue::fiber::equilibrium::{EquilibriumParams, Stage, equilibrate};
 use biotissue::fiber::network::generate::Kind;
-use biotissue::fiber::rve::Rve;
+use biotissue::fiber::rve::{Rve, RveModel};
 use biotissue::fiber::workspace::Workspace;
-use biotissue::rve_batch::LaneBatch;
 use nalgebra::Matrix3;
 use rayon::prelude::*;
 
@@ -15,13 +15,13 @@ use super::{Subject, model, random_gradients};
 #[derive(Clone, Copy, Default)]
 struct Counts {
     cases: usize,
-    in_lanes: usize,
-    /// Cases left to the solution without lanes, by whether Newton's method alone solves them there.
+    in_batches: usize,
+    /// Cases left to the solution one by one, by whether Newton's method alone solves them there.
     left_by_newton: usize,
     left_by_others: usize,
-    /// Cases solved in lanes in another stage, or not at all, without lanes.
+    /// Cases solved in batches, but in another stage, or not at all, one by one.
     different: usize,
-    /// Cases solved in lanes with another number of iterations, and all their iterations in lanes and without.
+    /// Cases solved in batches with another number of iterations, and all their iterations in batches and one by one.
     other_iterations: usize,
     iterations: [usize; 2],
     /// The largest differences of stress and tangent, relative to their norms.
@@ -33,7 +33,7 @@ impl Counts {
     fn merge(self, other: Self) -> Self {
         Self {
             cases: self.cases + other.cases,
-            in_lanes: self.in_lanes + other.in_lanes,
+            in_batches: self.in_batches + other.in_batches,
             left_by_newton: self.left_by_newton + other.left_by_newton,
             left_by_others: self.left_by_others + other.left_by_others,
             different: self.different + other.different,
@@ -45,22 +45,27 @@ impl Counts {
     }
 }
 
-/// Solves every case from rest in lanes and without them, by all stages, and prints how the results compare.
-pub fn compare(subjects: &[Subject], gradients: usize, mixed: bool) -> Result<(), String> {
+/// Makes the solver of the batches of a model.
+pub trait Make: Fn(&RveModel<Sparse>) -> Result<Box<dyn BatchSolver>, String> + Sync {}
+
+impl<F: Fn(&RveModel<Sparse>) -> Result<Box<dyn BatchSolver>, String> + Sync> Make for F {}
+
+/// Solves every case from rest in batches and one by one, by all stages, and prints how the results compare.
+pub fn compare(subjects: &[Subject], gradients: usize, make: impl Make) -> Result<(), String> {
     println!(
-        "| network | cases | in lanes | left, solved by Newton | left, by other stages or not at all | different | iterations in lanes, without | cases with others | \
+        "| network | cases | in batches | left, solved by Newton | left, by other stages or not at all | different | iterations in batches, one by one | cases with others | \
          stress | tangent |\n|---|---|---|---|---|---|---|---|---|---|"
     );
     for kind in Kind::ALL {
         let of_kind = subjects.par_iter().filter(|subject| subject.kind == kind);
         let counts =
-            of_kind.map(|subject| compare_network(subject, gradients, mixed)).collect::<Result<Vec<_>, _>>()?;
+            of_kind.map(|subject| compare_network(subject, gradients, &make)).collect::<Result<Vec<_>, _>>()?;
         let sum = counts.into_iter().fold(Counts::default(), Counts::merge);
         println!(
             "| {} | {} | {} | {} | {} | {} | {}, {} | {} | {:.0e} | {:.0e} |",
             kind.name(),
             sum.cases,
-            sum.in_lanes,
+            sum.in_batches,
             sum.left_by_newton,
             sum.left_by_others,
             sum.different,
@@ -74,15 +79,14 @@ pub fn compare(subjects: &[Subject], gradients: usize, mixed: bool) -> Result<()
     Ok(())
 }
 
-fn compare_network(subject: &Subject, gradients: usize, mixed: bool) -> Result<Counts, String> {
+fn compare_network(subject: &Subject, gradients: usize, make: &impl Make) -> Result<Counts, String> {
     let model = model(subject)?;
-    let batch = LaneBatch::new(&model, true).ok_or("this machine has no lanes")?;
-    let batch = if mixed { batch.with_single_precision() } else { batch };
+    let mut batch = make(&model)?;
     let params = EquilibriumParams::default();
     let targets: Vec<Matrix3<f64>> = random_gradients(subject, gradients).collect();
     let mut rves = vec![Rve::at_rest(&subject.network); targets.len()];
     let mut all: Vec<&mut Rve> = rves.iter_mut().collect();
-    let found = batch.solve(&mut all, &targets, &params);
+    let found = batch.solve(&mut all, &targets, &params, &())?;
     let mut workspace = Workspace::new(&(), &model).map_err(|error| error.to_string())?;
     let mut counts = Counts::default();
     for (target, found) in targets.iter().zip(found) {
@@ -98,7 +102,7 @@ fn compare_network(subject: &Subject, gradients: usize, mixed: bool) -> Result<C
             *(if by_newton { &mut counts.left_by_newton } else { &mut counts.left_by_others }) += 1;
             continue;
         };
-        counts.in_lanes += 1;
+        counts.in_batches += 1;
         match expected {
             Some((pk1, tangent, _, iterations)) if by_newton => {
                 counts.other_iterations += usize::from(iterations != found.iterations);

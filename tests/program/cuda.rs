@@ -1,0 +1,54 @@
+//! Graphics processors, on machines without one: what is missing is reported, by one rank.
+#![cfg(feature = "cuda")]
+
+use std::path::Path;
+
+use crate::run::{fibers, write_case};
+use crate::{frozen, line, skip};
+
+/// Writes two cases, of which `device.toml` solves its RVEs on a device. Returns false if there is a device.
+fn has_no_device(folder: &Path) -> bool {
+    if biotissue::backends::cuda::Device::open(0).is_ok() {
+        skip::skip("there is a device");
+        return false;
+    }
+    let text = fibers(&frozen());
+    write_case(folder, "case.toml", &text);
+    write_case(folder, "device.toml", &format!("{text}\n[micro]\ndevice = \"cuda\"\n"));
+    true
+}
+
+#[test]
+fn a_missing_device_is_reported_once() {
+    let folder = tempfile::tempdir().unwrap();
+    if !has_no_device(folder.path()) {
+        return;
+    }
+    for arguments in ["case.toml --backend cuda", "device.toml", "device.toml --ranks 3"] {
+        let outcome = line(folder.path(), &format!("run {arguments} --out results"));
+        let message = outcome.failed(2);
+        assert_eq!(outcome.stderr.contains("error: rank "), arguments.contains("ranks"), "{}", outcome.stderr);
+        let missing = ["libcuda.so", "libnvrtc.so", "CUDA device number", "the CUDA driver failed"];
+        assert!(missing.iter().any(|missing| message.contains(missing)), "{arguments}: {message}");
+        assert!(message.contains("NVIDIA"), "{arguments}: {message}");
+        assert!(!folder.path().join("results/loads.csv").exists(), "{arguments}");
+    }
+}
+
+/// A check needs no device. It says that few RVEs do not pay there, and counts the memory through which they would get there.
+#[test]
+fn a_check_needs_no_device() {
+    let folder = tempfile::tempdir().unwrap();
+    if !has_no_device(folder.path()) {
+        return;
+    }
+    let bytes = |case: &str| {
+        let plan = line(folder.path(), &format!("check {case} --json")).object();
+        plan["memory"]["networks"].as_u64().unwrap()
+    };
+    assert!(bytes("device.toml") > bytes("case.toml"));
+    let outcome = line(folder.path(), "check device.toml");
+    outcome.done();
+    let warning = "`device = \"cuda\"` in [micro]: no network has more than 6 RVEs";
+    assert!(outcome.stderr.contains(warning), "{}", outcome.stderr);
+}
