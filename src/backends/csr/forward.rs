@@ -17,7 +17,6 @@ macro_rules! impl_backend_ops {
             use std::sync::Arc;
 
             use $crate::backends::csr::{Matrix, Vector};
-            use $crate::backends::local as slices;
             use $crate::las::{BlockSlots, Entries, MatMat, MatVec, MatrixOps, NodePositions, SolveError, Sparsity};
 
             type Failure = SolveError<Infallible>;
@@ -30,7 +29,7 @@ macro_rules! impl_backend_ops {
 
                 #[inline(always)]
                 fn zero(&mut self) -> Result<(), Infallible> {
-                    slices::zero(&mut self.values);
+                    self.zero_all();
                     Ok(())
                 }
 

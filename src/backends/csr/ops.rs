@@ -29,6 +29,12 @@ impl<T: Value> Matrix<T> {
         }
     }
 
+    /// Sets all entries to zero.
+    #[inline(always)]
+    pub(in crate::backends) fn zero_all(&mut self) {
+        local::zero(&mut self.values);
+    }
+
     /// Sets whole rows to zero.
     #[inline(always)]
     pub(in crate::backends) fn zero_whole_rows(&mut self, rows: &[i32]) {

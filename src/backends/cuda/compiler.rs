@@ -4,8 +4,8 @@ use std::ffi::{CStr, CString};
 
 use cudarc::nvrtc::{Ptx, result, sys};
 
-use super::CudaError;
 use super::error::check_functions;
+use super::{CudaError, CudaErrorKind};
 
 /// A program of the compiler.
 struct Program(sys::nvrtcProgram);
@@ -24,7 +24,7 @@ const PACKAGE: &str = "the CUDA toolkit or the Python package nvidia-cuda-nvrtc"
 pub(super) fn find() -> Result<(), CudaError> {
     // SAFETY: loads `libnvrtc`, whose initialization has no precondition.
     if !unsafe { sys::is_culib_present() } {
-        return Err(CudaError::MissingLibrary { library: LIBRARY, package: PACKAGE });
+        return Err(CudaErrorKind::MissingLibrary { library: LIBRARY, package: PACKAGE }.into());
     }
     // SAFETY: as above; the library is there.
     let loaded = unsafe { sys::culib() };
@@ -47,7 +47,7 @@ pub(super) fn is_missing() -> bool {
 /// for a virtual one such as `compute_90`, it is PTX, which a driver older than the compiler may refuse.
 pub(crate) fn compile(source: &str, architecture: &str) -> Result<Ptx, CudaError> {
     find()?;
-    let failed = |log: String| CudaError::Compile { architecture: architecture.to_owned(), log };
+    let failed = |log: String| CudaError::from(CudaErrorKind::Compile { architecture: architecture.to_owned(), log });
     let of_status = |error: result::NvrtcError| failed(error.to_string());
     let source = CString::new(source).map_err(|error| failed(error.to_string()))?;
     let program = Program(result::create_program(&source, None).map_err(of_status)?);

@@ -9,7 +9,7 @@ use cudarc::driver::{CudaSlice, DevicePtr, DevicePtrMut};
 
 use super::algebra::zeros;
 use super::pattern::DevicePattern;
-use super::{CudaError, Device};
+use super::{CudaError, CudaErrorKind, Device};
 use crate::las::Sparsity;
 
 const F64: cudaDataType_t = cudaDataType_t::CUDA_R_64F;
@@ -76,7 +76,7 @@ impl DenseVector {
 fn checked(status: cusparseStatus_t, action: &'static str) -> Result<(), CudaError> {
     match status {
         cusparseStatus_t::CUSPARSE_STATUS_SUCCESS => Ok(()),
-        status => Err(CudaError::Library { library: "cuSPARSE", action, status: format!("{status:?}") }),
+        status => Err(CudaErrorKind::Library { library: "cuSPARSE", action, status: format!("{status:?}") }.into()),
     }
 }
 

@@ -7,7 +7,7 @@ use cudarc::driver::{CudaContext, CudaModule, CudaStream};
 
 use super::algebra::Algebra;
 use super::error::check_functions;
-use super::{CudaError, compiler};
+use super::{CudaError, CudaErrorKind, compiler};
 
 /// A CUDA device with the stream on which this crate works. Clones share both.
 #[derive(Clone)]
@@ -43,7 +43,7 @@ fn find_driver() -> Result<(), CudaError> {
     const PACKAGE: &str = "the NVIDIA driver";
     // SAFETY: loads `libcuda`, whose initialization has no precondition.
     if !unsafe { cudarc::driver::sys::is_culib_present() } {
-        return Err(CudaError::MissingLibrary { library: LIBRARY, package: PACKAGE });
+        return Err(CudaErrorKind::MissingLibrary { library: LIBRARY, package: PACKAGE }.into());
     }
     // SAFETY: as above; the library is there.
     let loaded = unsafe { cudarc::driver::sys::culib() };
@@ -55,7 +55,7 @@ impl Device {
     /// Returns how many devices the driver lists.
     ///
     /// # Errors
-    /// Returns [`CudaError::MissingLibrary`] without a driver, and [`CudaError::Driver`] if it cannot be initialized.
+    /// Returns [`CudaErrorKind::MissingLibrary`] without a driver, and [`CudaErrorKind::Driver`] if it cannot be initialized.
     pub fn count() -> Result<usize, CudaError> {
         find_driver()?;
         let count = CudaContext::device_count().map_err(CudaError::of("count the devices"))?;
@@ -65,13 +65,13 @@ impl Device {
     /// Opens the device with this number, counted from 0, with its primary context and a stream of its own.
     ///
     /// # Errors
-    /// Returns [`CudaError::MissingLibrary`] without the driver or the compiler NVRTC, [`CudaError::NoDevice`] if there
-    /// is no device with this number, and [`CudaError::Driver`] if the driver refuses.
+    /// Returns [`CudaErrorKind::MissingLibrary`] without the driver or the compiler NVRTC, [`CudaErrorKind::NoDevice`] if there
+    /// is no device with this number, and [`CudaErrorKind::Driver`] if the driver refuses.
     pub fn open(ordinal: usize) -> Result<Self, CudaError> {
         let count = Self::count()?;
         compiler::find()?;
         if ordinal >= count {
-            return Err(CudaError::NoDevice { ordinal, count });
+            return Err(CudaErrorKind::NoDevice { ordinal, count }.into());
         }
         let context = CudaContext::new(ordinal).map_err(CudaError::of("open the device"))?;
         let (major, minor) = context.compute_capability().map_err(CudaError::of("read the compute capability"))?;

@@ -4,10 +4,16 @@ use cudarc::driver::DriverError;
 use cudarc::driver::sys::CUresult;
 use thiserror::Error;
 
-/// Error of a device, of its driver or of a CUDA library.
+/// Error of a device, of its driver or of a CUDA library. It is a pointer, so that a `Result` without a value fits into a
+/// register, and verbs that can fail cost no more than others.
+#[derive(Clone, Debug, Error)]
+#[error(transparent)]
+pub struct CudaError(Box<CudaErrorKind>);
+
+/// What failed.
 #[derive(Clone, Debug, Error)]
 #[non_exhaustive]
-pub enum CudaError {
+pub enum CudaErrorKind {
     /// A shared library is not installed or not found by the loader.
     #[error("{library} was not found: install {package}, and add the directory of the library to LD_LIBRARY_PATH")]
     MissingLibrary {
@@ -65,21 +71,32 @@ pub enum CudaError {
 /// Returns an error if a library, which `cudarc` has loaded, lacks one of these functions: a call of it would panic.
 macro_rules! check_functions {
     ($loaded:expr, $library:expr, $package:expr, $functions:expr) => {{
+        use $crate::backends::cuda::{CudaError, CudaErrorKind};
         // SAFETY: only the presence of the functions is tested.
         let is_missing = |name: &&str| unsafe { $loaded.get::<unsafe extern "C" fn()>(name.as_bytes()) }.is_err();
-        match $functions.into_iter().find(is_missing) {
-            Some(function) => Err(CudaError::OldLibrary { library: $library, function, package: $package }),
-            None => Ok(()),
-        }
+        let missing = $functions.into_iter().find(is_missing);
+        let error = |function| CudaErrorKind::OldLibrary { library: $library, function, package: $package };
+        missing.map_or(Ok(()), |function| Err(CudaError::from(error(function))))
     }};
 }
 
 pub(super) use check_functions;
 
+impl From<CudaErrorKind> for CudaError {
+    fn from(kind: CudaErrorKind) -> Self {
+        Self(Box::new(kind))
+    }
+}
+
 impl CudaError {
+    /// Returns what failed.
+    pub fn kind(&self) -> &CudaErrorKind {
+        &self.0
+    }
+
     /// Returns true if the memory of the device does not suffice.
     pub fn is_out_of_memory(&self) -> bool {
-        matches!(self, Self::Driver { error: DriverError(CUresult::CUDA_ERROR_OUT_OF_MEMORY), .. })
+        matches!(*self.0, CudaErrorKind::Driver { error: DriverError(CUresult::CUDA_ERROR_OUT_OF_MEMORY), .. })
     }
 
     /// The error of a device whose memory does not suffice.
@@ -90,6 +107,6 @@ impl CudaError {
 
     /// Adds to an error of the driver what was asked of it.
     pub(crate) fn of(action: &'static str) -> impl FnOnce(DriverError) -> Self {
-        move |error| Self::Driver { action, error }
+        move |error| CudaErrorKind::Driver { action, error }.into()
     }
 }

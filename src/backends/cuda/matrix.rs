@@ -162,7 +162,7 @@ impl MatrixOps<Cuda> for Matrix {
 
     #[inline(always)]
     fn zero(&mut self) -> Result<(), CudaError> {
-        crate::backends::local::zero(self.on_host_mut().values_mut());
+        self.on_host_mut().zero_all();
         Ok(())
     }
 

@@ -69,7 +69,7 @@ mod vector;
 use std::sync::Arc;
 
 pub use device::Device;
-pub use error::CudaError;
+pub use error::{CudaError, CudaErrorKind};
 pub use matrix::Matrix;
 pub use solver::{Solver, Symbolic};
 pub use vector::Vector;

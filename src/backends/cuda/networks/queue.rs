@@ -9,7 +9,7 @@ use cudarc::driver::{
 };
 
 use super::layout::{BLOCK_THREADS, KERNELS, Uniform, Variant, source};
-use crate::backends::cuda::{CudaError, Device};
+use crate::backends::cuda::{CudaError, CudaErrorKind, Device};
 
 /// The kernels, by their place in [`KERNELS`].
 type Functions = Arc<[CudaFunction; KERNELS.len()]>;
@@ -22,7 +22,8 @@ fn compile(device: &Device, variant: Variant) -> Result<Functions, CudaError> {
         functions.push(module.load_function(name).map_err(CudaError::of("find a kernel"))?);
     }
     let functions: Result<[CudaFunction; KERNELS.len()], _> = functions.try_into();
-    let missing = |_| CudaError::Compile { architecture: String::new(), log: "a kernel is missing".into() };
+    let missing =
+        |_| CudaError::from(CudaErrorKind::Compile { architecture: String::new(), log: "a kernel is missing".into() });
     functions.map(Arc::new).map_err(missing)
 }
 
