@@ -87,12 +87,15 @@ impl DeviceBatch {
         batches.into_iter().for_each(|of| of.batch.limit(networks));
     }
 
-    /// Returns the bytes of page-locked memory of this process that a batch of so many RVEs of a model takes at most.
+    /// Returns the bytes of page-locked memory of this process that a batch of so many RVEs of a model takes, about; 0 if the
+    /// device cannot evaluate a law of the model.
     pub fn host_bytes<B: RealBackend>(model: &RveModel<B>, rves: usize, predicts: bool) -> usize {
         /// The kernels need so many registers that a multiprocessor executes at most 256 networks at once, and devices have
         /// at most 160 of these.
         const MOST_AT_ONCE: usize = 160 * 256;
-        rves.min(MOST_AT_ONCE) * NetworkBatch::host_bytes_per_network(model.network().interior().len(), predicts)
+        network_data(model).map_or(0, |network| {
+            rves.min(MOST_AT_ONCE) * NetworkBatch::host_bytes_per_network(network.interior, predicts)
+        })
     }
 
     /// The networks on the device.
@@ -146,7 +149,10 @@ impl DeviceBatch {
             let first = part * at_once;
             progress.begin(first);
             let responses = self.solve_part(rves, targets, &params);
-            let responses = responses.or_else(|error| self.leave(error, || vec![None; solved.len()]))?;
+            let Some(responses) = self.unless_full(responses)? else {
+                progress.end(first, 0);
+                break;
+            };
             progress.end(first, responses.iter().flatten().count());
             solved.copy_from_slice(&responses);
         }
@@ -179,13 +185,13 @@ impl DeviceBatch {
         Ok(responses)
     }
 
-    /// Leaves RVEs to the processor if the device has no memory to start a kernel: another program has taken it.
-    fn leave<T>(&mut self, error: CudaError, nothing: impl FnOnce() -> T) -> Result<T, CudaError> {
-        if !error.is_out_of_memory() {
-            return Err(error);
+    /// Returns the result of the device; `None` if it has no memory to start a kernel, because another program has taken it.
+    /// Then all RVEs are left to the processor from now on.
+    fn unless_full<T>(&mut self, outcome: Result<T, CudaError>) -> Result<Option<T>, CudaError> {
+        match outcome {
+            Err(error) if error.is_out_of_memory() => self.batch.give_up().map(|()| None),
+            outcome => outcome.map(Some),
         }
-        self.batch.release()?;
-        Ok(nothing())
     }
 
     /// Returns for each RVE whether Newton evidently leads from the state in `from` to the equilibrium in `reached`, as
@@ -204,14 +210,16 @@ impl DeviceBatch {
     ) -> Result<Vec<bool>, CudaError> {
         assert_eq!(from.len(), reached.len(), "one equilibrium for each start");
         let Some(params) = self.params(params) else { return Ok(vec![false; from.len()]) };
-        let mut leads = Vec::with_capacity(from.len());
+        let mut leads = vec![false; from.len()];
         let at_once = self.batch.make_room(from.len().min(self.batch.at_once()?))?;
         if at_once == 0 {
-            return Ok(vec![false; from.len()]);
+            return Ok(leads);
         }
-        for (from, reached) in from.chunks(at_once).zip(reached.chunks(at_once)) {
+        for ((from, reached), leads) in from.chunks(at_once).zip(reached.chunks(at_once)).zip(leads.chunks_mut(at_once))
+        {
             let of_part = self.part_converges_to(from, reached, &params);
-            leads.extend(of_part.or_else(|error| self.leave(error, || vec![false; from.len()]))?);
+            let Some(of_part) = self.unless_full(of_part)? else { break };
+            leads.copy_from_slice(&of_part);
         }
         Ok(leads)
     }

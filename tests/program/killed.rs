@@ -237,8 +237,10 @@ mod processes {
                 if ended.0.status.success() {
                     // Each process opens, writes, and syncs a piece.
                     assert!(operation > 4, "rank {rank} has {operation} operations");
+                    compare(&read(killed.folder.path(), "killed/loads.csv"), &whole);
                     break;
                 }
+                assert!(ended.stderr().contains("signal 9"), "rank {rank}, operation {operation}: {}", ended.stderr());
                 let files = killed.checkpoints("killed");
                 let step = if files.iter().any(|name| name == "step-00009.bin") { 9 } else { 8 };
                 steps.push(step);

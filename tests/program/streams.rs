@@ -75,10 +75,11 @@ fn warnings_are_not_printed_on_stdout() {
 /// Checks that lines within a step say how many of the RVEs are done, more and more of them, and which is the slowest.
 pub fn assert_reports_rves(stderr: &str, rves: usize) {
     let text = format!(" of {rves} RVEs done, ");
-    let beats: Vec<&str> = stderr.lines().filter(|line| line.contains(&text)).collect();
+    let is_of_step = |line: &&str| line.contains(&text) && !line.starts_with("undeformed body, ");
+    let beats: Vec<&str> = stderr.lines().filter(is_of_step).collect();
     let is_slowest = |line: &&str| line.contains(", the slowest, of element ") && line.contains("(stage: newton)");
     assert!(beats.iter().any(is_slowest), "{stderr}");
-    assert!(beats.iter().all(|line| line.contains("iteration") || line.starts_with("undeformed body, ")), "{stderr}");
+    assert!(beats.iter().all(|line| line.contains("iteration")), "{stderr}");
     let done_of = |line: &&str| line.split(&text).next()?.rsplit(' ').next()?.parse::<usize>().ok();
     let done: Vec<usize> = beats.iter().filter_map(done_of).collect();
     assert!(done.iter().any(|&done| done > 0 && done < rves), "{stderr}");
@@ -94,7 +95,7 @@ fn long_steps_report_what_their_rves_do() {
     done.done();
     let is_beat = |line: &&str| line.contains(" of 1080 RVEs done, ");
     let beats: Vec<&str> = done.stderr.lines().filter(is_beat).collect();
-    assert!(beats[0].starts_with("undeformed body, "), "{}", done.stderr);
+    assert!(beats.iter().any(|line| line.starts_with("undeformed body, ")), "{}", done.stderr);
     assert!(beats.iter().any(|line| line.contains("the slowest, of element ")), "{}", done.stderr);
     assert!(beats.iter().any(|line| line.contains("(stage: newton)")), "{}", done.stderr);
     assert!(beats.iter().any(|line| line.starts_with("step 2/2 to t = 1.0000: iteration ")), "{}", done.stderr);

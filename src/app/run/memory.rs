@@ -141,22 +141,26 @@ fn of_fields(case: &Case, mesh: &Mesh) -> usize {
 fn of_networks(case: &Case, field: &impl TissueMaterial, threads: usize) -> usize {
     let library = field.library();
     let of_model = |model| threads * Workspace::bytes_for(model) + RveModel::bytes(model);
-    let arrays = library.models().iter().map(of_model).sum::<usize>() + threads * library.batch_bytes_per_thread();
-    (OVERHEAD * arrays as f64) as usize + of_transfers(case, field)
+    let transfers = of_transfers(case, field);
+    // A device takes the place of lanes.
+    let has_lanes = transfers.is_empty() || transfers.contains(&0);
+    let of_lanes = if has_lanes { threads * library.batch_bytes_per_thread() } else { 0 };
+    let arrays = library.models().iter().map(of_model).sum::<usize>() + of_lanes;
+    (OVERHEAD * arrays as f64) as usize + transfers.iter().sum::<usize>()
 }
 
-/// Returns the memory through which RVEs get to a device and back.
+/// Returns the memory through which the RVEs of each model get to a device and back; nothing without a device.
 #[cfg(feature = "cuda")]
-fn of_transfers(case: &Case, field: &impl TissueMaterial) -> usize {
+fn of_transfers(case: &Case, field: &impl TissueMaterial) -> Vec<usize> {
     if case.micro.device.is_none() {
-        return 0;
+        return Vec::new();
     }
     let (library, counts) = (field.library(), field.rve_counts().per_model);
     let of_model = |(model, rves)| DeviceBatch::host_bytes(model, rves, library.predicts());
-    library.models().iter().zip(counts).map(of_model).sum()
+    library.models().iter().zip(counts).map(of_model).collect()
 }
 
 #[cfg(not(feature = "cuda"))]
-fn of_transfers(_: &Case, _: &impl TissueMaterial) -> usize {
-    0
+fn of_transfers(_: &Case, _: &impl TissueMaterial) -> Vec<usize> {
+    Vec::new()
 }

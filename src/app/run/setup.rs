@@ -325,15 +325,15 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
     }
 }
 
-/// Returns a warning if a device would solve fewer RVEs of every network than pay.
+/// Returns a warning if one core solves the RVEs of every network faster than a device.
 fn few_for_a_device(case: &Case, rves: &[usize]) -> Option<String> {
-    /// About so many networks take a device as long as one core of a processor; `docs/cuda.md` has measurements.
-    const LEAST: usize = 300;
+    /// At least so many networks take one core, with lanes, as long as a device; `docs/cuda.md` has measurements.
+    const LEAST: usize = 100;
     let (device, most) = (case.micro.device?, rves.iter().max()?);
     (*most < LEAST).then(|| {
         format!(
-            "{}: `device = \"{}\"` in [micro]: no network has more than {most} RVEs, which a processor solves faster: it pays from \
-             about {LEAST} RVEs of a network for each core on",
+            "{}: `device = \"{}\"` in [micro]: a device pays from {LEAST} to 300 RVEs of a network per core on, and the largest \
+             number of RVEs of a network is {most}: set `device = \"none\"`",
             case.file.display(),
             device.name()
         )

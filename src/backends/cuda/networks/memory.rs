@@ -76,11 +76,8 @@ impl NetworkBatch {
                 Ok(()) => return Ok(fitting),
                 Err(error) if error.is_out_of_memory() => {
                     self.release()?;
-                    fitting /= 2;
                     // Networks in the same block of threads need no more memory than one.
-                    if fitting < BLOCK_THREADS {
-                        fitting = 0;
-                    }
+                    fitting = if fitting > BLOCK_THREADS { (fitting / 2).max(BLOCK_THREADS) } else { 0 };
                     self.limit = fitting;
                 }
                 Err(error) => return Err(error),
@@ -89,11 +86,19 @@ impl NetworkBatch {
         Ok(0)
     }
 
-    /// Frees the memory of all networks, whose states are lost.
+    /// Frees the memory of all networks, whose states are lost, and makes no room for any from now on.
     ///
     /// # Errors
     /// Returns the error of the device.
-    pub fn release(&mut self) -> Result<(), CudaError> {
+    pub fn give_up(&mut self) -> Result<(), CudaError> {
+        self.limit = 0;
+        self.release()
+    }
+
+    /// Frees the memory of all networks, whose states are lost.
+    fn release(&mut self) -> Result<(), CudaError> {
+        // The device may still access memory of the host.
+        self.queue.wait()?;
         (self.networks, self.scratch) = (None, None);
         self.queue.wait()
     }
