@@ -293,7 +293,8 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
         &self.mesh
     }
 
-    /// Returns a function that says what the RVEs are doing in an evaluation; `None` without RVEs.
+    /// Returns a function that says, on another thread, what the RVEs are doing in an evaluation; `None` if this rank does not
+    /// get to know it.
     pub fn progress_source(&self) -> Option<ProgressSource> {
         self.field.progress_source()
     }
