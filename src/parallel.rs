@@ -73,13 +73,20 @@ enum Slot<I, R> {
     Result(R),
 }
 
-/// Calls `work` with each of `0..len`, on all threads. Not generic: rayon's code for one call is as long as that of a large
+/// Calls `work` with each of `0..len`, on all threads: each takes the next number as soon as it is free. Rayon would divide
+/// the numbers in advance into some parts per thread, and a thread that is slower than the others, because the system
+/// interrupts it, would finish its last part alone. Not generic: rayon's code for one call is as long as that of a large
 /// numerical kernel, and all loops over chunks share it.
 fn for_each_number(len: usize, work: &(dyn Fn(usize) + Sync)) {
-    match len {
-        1 => work(0),
-        _ => (0..len).into_par_iter().for_each(work),
+    if len <= 1 {
+        return (0..len).for_each(work);
     }
+    let next = AtomicUsize::new(0);
+    let of_thread = |_| {
+        let numbers = std::iter::repeat_with(|| next.fetch_add(1, Ordering::Relaxed));
+        numbers.take_while(|&number| number < len).for_each(work);
+    };
+    (0..threads().min(len)).into_par_iter().with_max_len(1).for_each(of_thread);
 }
 
 /// Calls `work` with every item: each thread takes the next one as soon as it is free. Returns the results in the order

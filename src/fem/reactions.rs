@@ -12,6 +12,7 @@ use super::boundary::{Boundary, Source};
 use super::equilibrium::BodyState;
 use super::kinematics::{RigidMotion, RigidSurface};
 use super::mesh::{Mesh, Surface};
+use crate::parallel;
 
 /// Force, area and mean displacement of one surface.
 #[derive(Clone, Debug, PartialEq)]
@@ -101,7 +102,7 @@ impl BoundaryForces {
             node.map_or_else(PointForce::default, |node| PointForce::new(mesh, node, displacements))
         };
         let mut forces = Self {
-            surfaces: mesh.surfaces().iter().map(surface).collect(),
+            surfaces: parallel::map(mesh.surfaces(), surface),
             points: boundary.point_nodes().iter().map(point).collect(),
             rigid: rigid_forces(mesh, boundary, state),
         };

@@ -33,6 +33,14 @@ macro_rules! impl_backend_ops {
                     Ok(())
                 }
 
+                fn assemble<E: From<Infallible>>(
+                    &mut self,
+                    add: impl FnOnce(&mut Self) -> Result<(), E>,
+                ) -> Result<(), E> {
+                    self.zero_before_assembly();
+                    add(self)
+                }
+
                 #[inline(always)]
                 fn zero_rows(&mut self, rows: &[i32]) -> Result<(), Infallible> {
                     self.zero_whole_rows(rows);

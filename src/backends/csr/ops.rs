@@ -3,6 +3,7 @@
 use super::Matrix;
 use crate::backends::local::{self, NOT_FOUND, find};
 use crate::las::Value;
+use crate::parallel;
 
 impl<T: Value> Matrix<T> {
     /// Calls `visit(entry, value of the block)` for every entry of a block whose position is in the
@@ -33,6 +34,17 @@ impl<T: Value> Matrix<T> {
     #[inline(always)]
     pub(in crate::backends) fn zero_all(&mut self) {
         local::zero(&mut self.values);
+    }
+
+    /// Sets all entries to zero, on all threads if there are many.
+    pub(in crate::backends) fn zero_before_assembly(&mut self) {
+        /// The number of entries that a task sets to zero.
+        const ENTRIES: usize = 1 << 17;
+        if self.values.len() > ENTRIES {
+            parallel::map(self.values.chunks_mut(ENTRIES), local::zero);
+        } else {
+            self.zero_all();
+        }
     }
 
     /// Sets whole rows to zero.

@@ -112,11 +112,17 @@ impl Mesh {
 
     /// Returns the volume of each integration point, m^3; those of an element sum to its volume.
     pub fn point_volumes(&self) -> Vec<f64> {
-        let mut volumes = Vec::with_capacity(self.points.len());
-        for (element_type, nodes) in self.elements.typed() {
-            element_type.integrate(&self.positions_of(nodes), |_, part| volumes.push(part));
-        }
-        volumes
+        /// The number of elements of a task.
+        const ELEMENTS: usize = 4096;
+        let all = self.elements.len();
+        let of_task = |first: usize| {
+            let mut volumes = Vec::new();
+            for (element_type, nodes) in (first..all.min(first + ELEMENTS)).filter_map(|of| self.elements.get(of)) {
+                element_type.integrate(&self.positions_of(nodes), |_, part| volumes.push(part));
+            }
+            volumes
+        };
+        parallel::map((0..all).step_by(ELEMENTS), of_task).concat()
     }
 
     /// Returns the volume of the body, m^3.

@@ -73,7 +73,7 @@ pub(in crate::backends) struct BlockMatrix<T> {
     pub values: Vec<T>,
 }
 
-/// The number of block rows that a task processes. Coarse levels have few rows, each of many and large blocks.
+/// The number of block rows that a task processes.
 const ROWS_PER_TASK: usize = 1024;
 
 /// The number of entries that a task copies.
@@ -170,13 +170,14 @@ impl<T: Entry> BlockMatrix<T> {
 
     fn multiply_sized<const R: usize, const C: usize, const ADD: bool>(&self, x: &[T], y: &mut [T]) {
         let (x, y): (&[[T; C]], &mut [[T; R]]) = (bytemuck::cast_slice(x), bytemuck::cast_slice_mut(y));
-        let of_task = |(task, y): (usize, &mut [[T; R]])| {
+        // Coarse levels and restrictions have few rows, each of many and large blocks.
+        let rows = (ENTRIES_PER_TASK * self.rows()).div_ceil(self.values.len().max(1)).clamp(1, ROWS_PER_TASK);
+        parallel::map(y.chunks_mut(rows).enumerate(), |(task, y)| {
             vectorized(
                 #[inline(always)]
-                || self.multiply_rows::<R, C, ADD>(task * ROWS_PER_TASK, x, y),
+                || self.multiply_rows::<R, C, ADD>(task * rows, x, y),
             );
-        };
-        for_each_chunk(y, of_task);
+        });
     }
 
     #[inline(always)]
@@ -209,9 +210,32 @@ pub(super) fn for_each_block<V: Send>(
     });
 }
 
-/// Calls a function for consecutive chunks of [`ROWS_PER_TASK`] entries, in parallel.
-pub(super) fn for_each_chunk<V: Send>(values: &mut [V], of_task: impl Fn((usize, &mut [V])) + Sync + Send) {
-    parallel::map(values.chunks_mut(ROWS_PER_TASK).enumerate(), of_task);
+/// Returns compressed rows, their offsets and columns, computed in parallel: `of_row(memory, row, columns)` appends the
+/// columns of a row; the memory is for the rows of a task.
+pub(super) fn compressed_rows<M: Default>(
+    rows: usize,
+    of_row: impl Fn(&mut M, usize, &mut Vec<u32>) + Sync + Send,
+) -> (Vec<u32>, Vec<u32>) {
+    /// The number of rows of a task.
+    const ROWS: usize = 256;
+    let of_task = |first: usize| {
+        let (mut memory, mut ends, mut columns) = (M::default(), Vec::with_capacity(ROWS), Vec::new());
+        for row in first..rows.min(first + ROWS) {
+            of_row(&mut memory, row, &mut columns);
+            ends.push(columns.len() as u32);
+        }
+        (ends, columns)
+    };
+    let tasks = parallel::map((0..rows).step_by(ROWS), of_task);
+    let (mut offsets, mut columns) = (Vec::with_capacity(rows + 1), Vec::new());
+    offsets.push(0);
+    columns.reserve_exact(tasks.iter().map(|(_, columns)| columns.len()).sum());
+    for (ends, of_task) in &tasks {
+        let begin = columns.len() as u32;
+        offsets.extend(ends.iter().map(|end| begin + end));
+        columns.extend_from_slice(of_task);
+    }
+    (offsets, columns)
 }
 
 /// Runs a loop compiled for the vector instructions of this machine; everything that it calls must be inlined.

@@ -29,6 +29,10 @@ struct Coarsest<T> {
     b: Vec<T>,
 }
 
+/// The most unknowns of a coarsest level whose inverse a device multiplies with: 0.5 GB.
+#[cfg(feature = "cuda")]
+pub(super) const MOST_INVERTED: usize = 8192;
+
 /// The reason why there is no hierarchy.
 pub(super) enum SetupError {
     /// A diagonal block is singular: its row on the finest level, if it is on this level.
@@ -43,22 +47,23 @@ impl From<Failure> for SetupError {
 }
 
 impl<T: Entry> Hierarchy<T> {
-    /// Builds the levels for the matrix `a`, on which the vectors `modes` are almost zero, with the memory of the finest level
-    /// of an earlier hierarchy.
+    /// Builds the levels for the matrix `a`, on which the vectors `modes` are almost zero, with the memory of the levels of an
+    /// earlier hierarchy.
     pub fn new(
         a: &BlockMatrix<f64>,
         modes: NodeModes,
         params: &MultigridParams,
         symmetry: Symmetry,
-        mut memory: Memory<T>,
+        memory: Vec<Memory<T>>,
     ) -> Result<Self, SetupError> {
         let unit = unit_of(a);
         let (mut levels, mut modes, mut threshold) = (Vec::<Level<T>>::new(), modes, params.strength);
+        let mut memory = memory.into_iter();
         loop {
             let finest = levels.is_empty();
             let a = levels.last().map_or(a, Level::coarse);
             let singular = |block: SingularBlock| SetupError::Singular(finest.then_some(block.row));
-            let memory = std::mem::take(&mut memory);
+            let memory = memory.next().unwrap_or_default();
             let built = Level::new(a, &modes, threshold, params, unit, memory).map_err(singular)?;
             let Some((level, coarse_modes)) = built else { break };
             levels.push(level);
@@ -70,8 +75,8 @@ impl<T: Entry> Hierarchy<T> {
     }
 
     /// Returns the memory for another hierarchy.
-    pub fn into_memory(self) -> Memory<T> {
-        self.levels.into_iter().next().map_or_else(Memory::default, Level::into_memory)
+    pub fn into_memory(self) -> Vec<Memory<T>> {
+        self.levels.into_iter().map(Level::into_memory).collect()
     }
 
     /// Computes all numbers from a matrix of the same pattern.
@@ -105,6 +110,9 @@ impl<T: Entry> Hierarchy<T> {
     }
 
     /// Returns the number of unknowns of the coarsest level, and the inverse of its matrix by rows.
+    ///
+    /// # Errors
+    /// Returns [`SolveError::Unsupported`](crate::las::SolveError::Unsupported) if the inverse would take much memory.
     #[cfg(feature = "cuda")]
     pub fn coarsest_inverse(&mut self) -> Result<(usize, Vec<f64>), Failure> {
         self.coarsest.inverse()
@@ -175,6 +183,13 @@ impl<T: Entry> Coarsest<T> {
         /// Right-hand sides that are solved at a time.
         const COLUMNS: usize = 32;
         let n = self.matrix.pattern().rows();
+        if n > MOST_INVERTED {
+            return Err(crate::las::SolveError::Unsupported {
+                backend: Sparse::<f64>::NAME,
+                what: "multigrid for a matrix that coarsening leaves with more than 8192 unknowns",
+                cure: "use the diagonal as the preconditioner, a direct method, or the backend `sparse`",
+            });
+        }
         let mut inverse = vec![0.0; n * n];
         for first in (0..n).step_by(COLUMNS) {
             let columns = first..n.min(first + COLUMNS);

@@ -47,6 +47,7 @@ pub(super) struct Memory<T> {
     p: Vec<T>,
     r: Vec<T>,
     prolongation: Vec<f64>,
+    coarse: Vec<f64>,
 }
 
 /// What the setup of a level computes in double precision.
@@ -88,7 +89,7 @@ impl<T: Entry> Level<T> {
         let (tentative, coarse_modes) = tentative(&aggregates, modes);
         let prolongation = Prolongation::new(a, &aggregates, tentative.vectors, params.drop_below, memory.prolongation);
         let (r, transposes) = prolongation.p.transposed_pattern();
-        let coarse = galerkin::zeros(a, &prolongation.p, &r);
+        let coarse = galerkin::with_pattern(a, &prolongation.p, &r, memory.coarse);
         let setup = Setup {
             aggregates,
             tentative,
@@ -121,8 +122,9 @@ impl<T: Entry> Level<T> {
 
     /// Returns the memory for the level of another hierarchy.
     pub fn into_memory(self) -> Memory<T> {
-        let prolongation = self.setup.prolongation.p.values;
-        Memory { a: self.a.values, p: self.p.values, r: self.r.values, prolongation }
+        let Setup { prolongation, coarse, .. } = self.setup;
+        let (prolongation, coarse) = (prolongation.p.values, coarse.values);
+        Memory { a: self.a.values, p: self.p.values, r: self.r.values, prolongation, coarse }
     }
 
     /// Returns the matrix of the next level.

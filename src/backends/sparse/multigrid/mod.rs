@@ -75,7 +75,6 @@ use crate::parallel;
 pub(in crate::backends) use blocks::{BlockMatrix as Blocks, Entry};
 use blocks::{BlockMatrix, MOST, padded};
 use hierarchy::{Hierarchy, SetupError};
-use level::Memory;
 use nodes::Nodes;
 #[cfg(feature = "cuda")]
 pub(in crate::backends) use parts::{LevelParts, Parts};
@@ -205,7 +204,7 @@ impl Multigrid {
 
     /// Builds the hierarchy for the matrix copied last.
     pub(in crate::backends) fn build(&mut self) -> Result<(), Failure> {
-        let (mut single, mut double) = (Memory::default(), Memory::default());
+        let (mut single, mut double) = (Vec::new(), Vec::new());
         match self.hierarchy.take() {
             Some(AnyHierarchy::Single(hierarchy)) => single = hierarchy.into_memory(),
             Some(AnyHierarchy::Double(hierarchy)) => double = hierarchy.into_memory(),

@@ -53,6 +53,9 @@ impl Multigrid {
     }
 
     /// Returns the numbers of the hierarchy.
+    ///
+    /// # Errors
+    /// Returns [`SolveError::NotFactored`] without one, and [`SolveError::Unsupported`] if its coarsest level is large.
     pub(in crate::backends) fn parts(&mut self) -> Result<Parts<'_>, Failure> {
         let Some(AnyHierarchy::Single(hierarchy)) = &mut self.hierarchy else { return Err(SolveError::NotFactored) };
         let unit = hierarchy.unit();
@@ -72,5 +75,32 @@ impl Multigrid {
         }
         let inverse = inverse.iter().map(|&value| (value * unit) as f32).collect();
         Ok(Parts { levels, unit, coarsest, inverse })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::backends::sparse::Sparse;
+    use crate::backends::sparse::multigrid::MultigridParams;
+    use crate::backends::sparse::multigrid::hierarchy::MOST_INVERTED;
+    use crate::las::{Backend, MatrixOps, Sparsity, Symmetry};
+
+    /// Nodes without couplings form no aggregates, so that the finest level is the coarsest one.
+    #[test]
+    fn a_large_coarsest_level_is_not_inverted() {
+        let inverse = |unknowns: usize| {
+            let nodes: Vec<[i32; 1]> = (0..unknowns as i32).map(|node| [node]).collect();
+            let pattern = Arc::new(Sparsity::from_elements(unknowns, nodes.iter().copied()).unwrap());
+            let mut matrix = Sparse::<f64>::matrix(&(), &pattern).unwrap();
+            nodes.iter().for_each(|node| matrix.add(node, node, &[2.0]).unwrap());
+            let mut multigrid = Multigrid::new(&pattern, Symmetry::Definite, MultigridParams::default()).unwrap();
+            multigrid.set_up(&matrix).unwrap();
+            multigrid.parts().map(|parts| (parts.coarsest, parts.inverse[0]))
+        };
+        assert_eq!(inverse(1000).unwrap(), (1000, 1.0));
+        assert!(matches!(inverse(MOST_INVERTED + 1), Err(SolveError::Unsupported { .. })));
     }
 }

@@ -2,14 +2,11 @@
 //! (Vanek, Mandel and Brezina 1996).
 
 use super::aggregation::{Aggregates, NONE};
-use super::blocks::{BlockMatrix, vectorized, with_sizes};
+use super::blocks::{BlockMatrix, compressed_rows, vectorized, with_sizes};
 use crate::parallel;
 
 /// The number of aggregates whose near null space a task orthonormalizes.
 const AGGREGATES_PER_TASK: usize = 64;
-
-/// The number of rows whose pattern a task computes.
-const ROWS_PER_TASK: usize = 1024;
 
 /// Columns whose norm after orthogonalization is below this fraction of the norm before depend on the others.
 const DEPENDENT: f64 = 1e-9;
@@ -71,9 +68,9 @@ pub(super) fn tentative(aggregates: &Aggregates, modes: &NodeModes) -> (Tentativ
     // Every aggregate has members.
     let mut coarse = vec![0.0; aggregates.count * k * k];
     let factors = coarse.chunks_mut(AGGREGATES_PER_TASK * k * k);
-    let of_members = parallel::map(groups.chunks(AGGREGATES_PER_TASK).zip(factors), of_task).concat();
+    let of_members = parallel::map(groups.chunks(AGGREGATES_PER_TASK).zip(factors), of_task);
     let mut blocks = parallel::filled(0.0, modes.values.len());
-    for (&(_, node), block) in members.iter().zip(of_members.chunks_exact(k * size)) {
+    for (&(_, node), block) in members.iter().zip(of_members.iter().flat_map(|of| of.chunks_exact(k * size))) {
         blocks[node as usize * k * size..][..k * size].copy_from_slice(block);
     }
     (Tentative { vectors: k, blocks }, NodeModes { vectors: k, size: k, values: coarse })
@@ -175,29 +172,16 @@ fn kept_blocks(a: &BlockMatrix<f64>, drop_below: f64) -> Vec<bool> {
 
 /// Returns the pattern of the smoothed prolongation: each node couples to the aggregates of its neighbors.
 fn pattern(a: &BlockMatrix<f64>, aggregates: &Aggregates, keeps: &[bool]) -> (Vec<u32>, Vec<u32>) {
-    let of_task = |first: usize| {
-        let (mut lengths, mut columns, mut of_row) = (Vec::new(), Vec::new(), Vec::new());
-        for row in first..a.rows().min(first + ROWS_PER_TASK) {
-            of_row.clear();
-            if aggregates.of_node[row] != NONE {
-                let kept = a.range(row).filter(|&at| keeps[at]);
-                of_row.extend(kept.map(|at| aggregates.of_node[a.columns[at] as usize]).filter(|&of| of != NONE));
-            }
-            of_row.sort_unstable();
-            of_row.dedup();
-            columns.extend_from_slice(&of_row);
-            lengths.push(of_row.len() as u32);
+    compressed_rows(a.rows(), |found: &mut Vec<u32>, row, columns| {
+        found.clear();
+        if aggregates.of_node[row] != NONE {
+            let kept = a.range(row).filter(|&at| keeps[at]);
+            found.extend(kept.map(|at| aggregates.of_node[a.columns[at] as usize]).filter(|&of| of != NONE));
         }
-        (lengths, columns)
-    };
-    let (lengths, columns): (Vec<_>, Vec<_>) =
-        parallel::map((0..a.rows()).step_by(ROWS_PER_TASK), of_task).into_iter().unzip();
-    let mut offsets = vec![0];
-    offsets.extend(lengths.iter().flatten().scan(0, |end, length| {
-        *end += length;
-        Some(*end)
-    }));
-    (offsets, columns.concat())
+        found.sort_unstable();
+        found.dedup();
+        columns.extend_from_slice(found);
+    })
 }
 
 /// The inputs of a row of the smoothed prolongation.

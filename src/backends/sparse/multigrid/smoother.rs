@@ -39,9 +39,15 @@ pub(super) struct SingularBlock {
     pub row: usize,
 }
 
-/// Returns the number of rows per chunk of a matrix.
+/// Returns the number of rows per chunk of a matrix: all chunks but the last are as long as each other, that one at most as
+/// long, and their number is even, so that two threads have the same work.
 fn chunk_of<T: Entry>(a: &BlockMatrix<T>) -> usize {
-    a.rows().div_ceil(MOST_CHUNKS).max(9 * LEAST_ROWS / (a.size.0 * a.size.0).max(9))
+    let least = 9 * LEAST_ROWS / (a.size.0 * a.size.0).max(9);
+    let chunks = match a.rows() / least {
+        0 | 1 => 1,
+        chunks => chunks.next_multiple_of(2).min(MOST_CHUNKS),
+    };
+    a.rows().div_ceil(chunks).max(1)
 }
 
 /// Returns the index of the diagonal block of each row.
