@@ -20,8 +20,8 @@ pub(crate) fn threads() -> usize {
     if IS_ALONE.get() { 1 } else { rayon::current_num_threads() }
 }
 
-/// Runs `work` on the calling thread alone. While a thread of a pool waits for others, it may start another task of the
-/// pool; a task that holds a lock, or that is one of many anyway, must not wait.
+/// Runs `work` on the calling thread alone. While a thread of a pool waits for others, it may begin with
+/// the rest of another loop; a task that holds a lock, or that is one of many anyway, must not wait.
 #[cfg(any(feature = "app", test))]
 pub(crate) fn alone<R>(work: impl FnOnce() -> R) -> R {
     /// Restores the flag, also if `work` panics.
@@ -37,7 +37,8 @@ pub(crate) fn alone<R>(work: impl FnOnce() -> R) -> R {
     work()
 }
 
-/// Calls `work` with every chunk; returns its results in the order of the chunks.
+/// Calls `work` with every chunk: each thread takes the next one as soon as it is free. Returns the results in the order of the
+/// chunks. If the chunks come in descending order of their cost, the threads end at about the same time.
 pub(crate) fn map<I: Send, R: Send>(
     chunks: impl IntoIterator<Item = I>,
     work: impl Fn(I) -> R + Sync + Send,
@@ -87,22 +88,6 @@ fn for_each_number(len: usize, work: &(dyn Fn(usize) + Sync)) {
         numbers.take_while(|&number| number < len).for_each(work);
     };
     (0..threads().min(len)).into_par_iter().with_max_len(1).for_each(of_thread);
-}
-
-/// Calls `work` with every item: each thread takes the next one as soon as it is free. Returns the results in the order
-/// of the items. If the items come in descending order of their cost, the threads end at about the same time.
-#[cfg(any(feature = "app", test))]
-pub(crate) fn take_in_turn<I: Send, R: Send>(items: Vec<I>, work: impl Fn(I) -> R + Sync + Send) -> Vec<R> {
-    if items.len() <= 1 || threads() == 1 {
-        return items.into_iter().map(work).collect();
-    }
-    let mut results: Vec<Option<R>> = items.iter().map(|_| None).collect();
-    let queue = Mutex::new(items.into_iter().enumerate());
-    let next = || queue.lock().unwrap_or_else(PoisonError::into_inner).next();
-    let of_thread =
-        |_| -> Vec<(usize, R)> { std::iter::from_fn(next).map(|(number, item)| (number, work(item))).collect() };
-    map(0..threads(), of_thread).into_iter().flatten().for_each(|(number, result)| results[number] = Some(result));
-    results.into_iter().flatten().collect()
 }
 
 /// Divides `values` into consecutive slices of the given lengths, the sum of which is theirs.
@@ -207,9 +192,6 @@ pub(crate) mod tests {
             on_pools(|| [collect(10_000, |k| k * k), try_collect(10_000, 0, |k| Ok::<_, ()>(k * k)).unwrap()])
         {
             assert!(squares.iter().all(|squares| squares.iter().enumerate().all(|(k, &square)| square == k * k)));
-        }
-        for squares in on_pools(|| take_in_turn((0..1000).collect(), |k: usize| k * k)) {
-            assert!(squares.into_iter().eq((0..1000).map(|k| k * k)));
         }
         let fails_late = |k: usize| if k % 5000 == 3777 { Err(k) } else { Ok(()) };
         assert_eq!(on_pools(|| try_collect(10_000, (), fails_late)), [const { Err(3777) }; 3]);

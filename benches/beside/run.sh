@@ -2,9 +2,10 @@
 # Runs a neo-Hookean cube, clamped at x = 0 and moved by 0.3 at x = 1 in three load steps, by this program on one and two
 # threads, with and without fields, and by dolfinx, and prints processor and wall seconds and the peak memory of each. Of the
 # runs without fields it prints the medians of wall seconds, and of those of the load steps alone, and how many times as fast
-# two threads are; there are as many runs as RUNS says, by default 1. Prints also the iterations of conjugate gradients to
-# 1e-8 for the first linear system, those of dolfinx as `first_linear`. One and two threads have to write the same loads. The
-# arguments are numbers of cells along a side; by default 20 and 40.
+# two threads are; there are as many runs as RUNS says, by default 1. Two runs on one thread each, at the same time, show how
+# many times as fast two cores of this machine can be, which share its memory and its host. Prints also the iterations of
+# conjugate gradients to 1e-8 for the first linear system, those of dolfinx as `first_linear`. One and two threads have to
+# write the same loads. The arguments are numbers of cells along a side; by default 20 and 40.
 #
 # Needs Debian's python3-dolfinx-real and the command `time`. PYTHON is the interpreter that imports dolfinx; BIOTISSUE is the
 # program, by default a new release build.
@@ -46,6 +47,17 @@ compared() { # compared NAME FILE FILE
         printf "%-44s %8.2f s on one thread, %8.2f s on two: %.2f times as fast\n", name, one, two, one / two }'
 }
 
+# Two runs of a case on one thread each, at the same time: the seconds of their load steps.
+side_by_side() { # side_by_side CASE
+    "$program" run "$1" --threads 1 --out "$folder/beside-1" >"$folder/output-1" 2>&1 &
+    local other=$!
+    "$program" run "$1" --threads 1 --out "$folder/beside-2" >"$folder/output-2" 2>&1
+    wait "$other"
+    load_steps "$folder/beside-1"
+    load_steps "$folder/beside-2"
+    rm -r "$folder"/beside-{1,2}
+}
+
 if [ $# -eq 0 ]; then
     set -- 20 40
 fi
@@ -60,10 +72,14 @@ for cells in "$@"; do
             echo "$wall" >>"$folder/wall-$threads"
             load_steps "$folder/threads-$threads" >>"$folder/steps-$threads"
         done
+        side_by_side "$folder/box.toml" >>"$folder/steps-beside"
         cmp "$folder/threads-1/loads.csv" "$folder/threads-2/loads.csv"
     done
     compared "$cells cells, whole run" "$folder"/wall-{1,2}
     compared "$cells cells, load steps" "$folder"/steps-{1,2}
+    awk -v name="$cells cells, load steps of two runs" -v one="$(median "$folder/steps-1")" \
+        -v beside="$(median "$folder/steps-beside")" 'BEGIN {
+            printf "%-44s %8.2f s at the same time: two cores can be %.2f times as fast\n", name, beside, 2 * one / beside }'
     write_box "$folder/fields.toml" "$cells" 1
     for threads in 1 2; do
         measured "$cells cells, with fields, $threads thread(s)" \

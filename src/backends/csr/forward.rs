@@ -38,7 +38,8 @@ macro_rules! impl_backend_ops {
                     add: impl FnOnce(&mut Self) -> Result<(), E>,
                 ) -> Result<(), E> {
                     self.zero_before_assembly();
-                    add(self)
+                    add(self)?;
+                    Ok(self.finish()?)
                 }
 
                 #[inline(always)]

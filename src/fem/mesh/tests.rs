@@ -60,6 +60,19 @@ fn linear_fields_are_exact_at_the_points() {
     }
 }
 
+/// The mesh has more elements than a task, and the volumes differ.
+#[test]
+fn volumes_of_points_are_in_their_order() {
+    let shape = shapes::TubeShape { inner_radius: 1.0, outer_radius: 2.0, length: 3.0 };
+    let mesh = shapes::tube(ElementType::Wedge6, [4, 24, 30], &shape).unwrap();
+    let volumes = mesh.point_volumes();
+    assert!(mesh.elements().len() > 5000 && volumes.len() == mesh.points().len());
+    for element in 0..mesh.elements().len() {
+        let of_element: f64 = mesh.points().of_element(element).map(|point| volumes[point]).sum();
+        assert!((of_element - mesh.element_volume(element)).abs() < 1e-15);
+    }
+}
+
 #[test]
 fn every_invariant_is_checked() {
     let name = String::from;

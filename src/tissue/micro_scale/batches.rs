@@ -150,7 +150,7 @@ fn for_each_model<B: RealBackend>(
     let seconds = |chosen: &[Chosen<'_>]| order.seconds_of(chosen.iter().map(|chosen| chosen.number));
     batches.sort_by(|(_, a), (_, b)| seconds(b).total_cmp(&seconds(a)));
     let start = Instant::now();
-    let outcomes: Vec<Outcome> = parallel::take_in_turn(batches, |(model, chosen)| solve(model, chosen));
+    let outcomes: Vec<Outcome> = parallel::map(batches, |(model, chosen)| solve(model, chosen));
     let seconds = start.elapsed().as_secs_f64();
     for outcome in outcomes {
         outcome?.into_iter().for_each(|(number, counted)| done[number] = Some(counted));

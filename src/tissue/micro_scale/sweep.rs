@@ -74,9 +74,9 @@ impl<B: RealBackend> Units<B> {
         let (library, points) = (&*library, &*points);
         costs.fill(Cost::default());
         let mut waiting: Vec<Option<&mut Unit>> = units.iter_mut().map(Some).collect();
-        let in_order = order.iter().filter_map(|&number| Some((number, waiting[number].take()?))).collect();
+        let in_order: Vec<_> = order.iter().filter_map(|&number| Some((number, waiting[number].take()?))).collect();
         let lowest = AtomicUsize::new(usize::MAX);
-        let outcomes = parallel::take_in_turn(in_order, |(number, unit): (usize, &mut Unit)| {
+        let outcomes = parallel::map(in_order, |(number, unit): (usize, &mut Unit)| {
             let (mut stats, point) = (RveStats::default(), points[number]);
             if let Some((stats, increment)) = done[number] {
                 return (stats, increment, Ok(false));

@@ -73,10 +73,10 @@ pub(in crate::backends) struct BlockMatrix<T> {
     pub values: Vec<T>,
 }
 
-/// The number of block rows that a task processes.
+/// The most block rows that a task processes.
 const ROWS_PER_TASK: usize = 1024;
 
-/// The number of entries that a task copies.
+/// The number of entries that a task copies or multiplies.
 const ENTRIES_PER_TASK: usize = 1 << 15;
 
 impl<T> BlockMatrix<T> {
@@ -115,6 +115,7 @@ impl<T: Entry> BlockMatrix<T> {
     ) -> Self {
         let len = columns.len() * size.0 * size.1;
         if values.capacity() < len {
+            drop(values);
             return Self::zeros(size, cols, offsets, columns);
         }
         values.resize(len, T::zero());
@@ -216,17 +217,17 @@ pub(super) fn compressed_rows<M: Default>(
     rows: usize,
     of_row: impl Fn(&mut M, usize, &mut Vec<u32>) + Sync + Send,
 ) -> (Vec<u32>, Vec<u32>) {
-    /// The number of rows of a task.
-    const ROWS: usize = 256;
+    // Each task has memory of its own, which may be as long as a row.
+    let rows_of_task = rows.div_ceil(64).clamp(256, 1 << 14);
     let of_task = |first: usize| {
-        let (mut memory, mut ends, mut columns) = (M::default(), Vec::with_capacity(ROWS), Vec::new());
-        for row in first..rows.min(first + ROWS) {
+        let (mut memory, mut ends, mut columns) = (M::default(), Vec::with_capacity(rows_of_task), Vec::new());
+        for row in first..rows.min(first + rows_of_task) {
             of_row(&mut memory, row, &mut columns);
             ends.push(columns.len() as u32);
         }
         (ends, columns)
     };
-    let tasks = parallel::map((0..rows).step_by(ROWS), of_task);
+    let tasks = parallel::map((0..rows).step_by(rows_of_task), of_task);
     let (mut offsets, mut columns) = (Vec::with_capacity(rows + 1), Vec::new());
     offsets.push(0);
     columns.reserve_exact(tasks.iter().map(|(_, columns)| columns.len()).sum());

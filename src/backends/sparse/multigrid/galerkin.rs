@@ -6,11 +6,14 @@ use super::blocks::{BlockMatrix, compressed_rows, vectorized, with_sizes};
 use super::prolongation::add_product;
 use crate::parallel;
 
-/// The number of fine rows whose products `A P` a task computes.
+/// The most fine rows whose products `A P` a task computes: their products stay in the cache of a core.
 const ROWS_PER_TASK: usize = 128;
 
-/// The number of tasks of a batch. With several threads, their products stay in the cache that threads share; otherwise in
-/// that of one.
+/// The least number of fine rows of a task, on coarse levels, whose rows have many and large blocks.
+const LEAST_ROWS: usize = 16;
+
+/// The least number of tasks of a batch with several threads, which share a cache. One thread adds the products of each task
+/// at once.
 const TASKS_PER_BATCH: usize = 32;
 
 /// The number of tasks per thread among which the coarse rows of a batch are divided.
@@ -46,10 +49,13 @@ fn compute_sized<const S: usize, const K: usize>(
     coarse: &mut BlockMatrix<f64>,
 ) {
     let threads = parallel::threads();
-    let tasks = if threads == 1 { 1 } else { TASKS_PER_BATCH };
+    let (tasks, parts) =
+        if threads == 1 { (1, 1) } else { (TASKS_PER_BATCH.max(2 * threads), PARTS_PER_THREAD * threads) };
+    let of_task = (a.rows() / (PARTS_PER_THREAD * threads)).clamp(LEAST_ROWS, ROWS_PER_TASK);
     let mut products: Vec<Products<S, K>> = (0..tasks).map(|_| Products::default()).collect();
-    for first in (0..a.rows()).step_by(tasks * ROWS_PER_TASK) {
-        let rows = (first..a.rows()).step_by(ROWS_PER_TASK).map(|first| first..a.rows().min(first + ROWS_PER_TASK));
+    let mut positions = vec![Vec::new(); parts];
+    for first in (0..a.rows()).step_by(tasks * of_task) {
+        let rows = (first..a.rows()).step_by(of_task).map(|first| first..a.rows().min(first + of_task));
         parallel::map(products.iter_mut().zip(rows.clone()), |(products, rows)| {
             vectorized(
                 #[inline(always)]
@@ -57,8 +63,7 @@ fn compute_sized<const S: usize, const K: usize>(
             );
         });
         let products = &products[..rows.take(tasks).count()];
-        let parts = if threads == 1 { 1 } else { PARTS_PER_THREAD * threads };
-        parallel::map(coarse_rows(p, products, coarse, parts), |mut part| {
+        parallel::map(coarse_rows(p, products, coarse, &mut positions), |mut part| {
             vectorized(
                 #[inline(always)]
                 || products.iter().for_each(|products| part.add(p, products)),
@@ -120,8 +125,8 @@ struct CoarseRows<'a, const K: usize> {
     columns: &'a [u32],
     /// The blocks of these rows.
     blocks: &'a mut [[[f64; K]; K]],
-    /// As in [`Products`].
-    position: Vec<u32>,
+    /// The index of each column in the blocks of a row of products; [`ABSENT`] between two rows.
+    position: &'a mut Vec<u32>,
 }
 
 impl<const K: usize> CoarseRows<'_, K> {
@@ -130,6 +135,7 @@ impl<const K: usize> CoarseRows<'_, K> {
     fn add<const S: usize>(&mut self, p: &BlockMatrix<f64>, products: &Products<S, K>) {
         let p_blocks = p.blocks::<S, K>();
         let first_block = self.offsets[self.rows.start] as usize;
+        self.position.resize(p.cols, ABSENT);
         let mut begin = 0;
         for (row, &end) in products.rows.clone().zip(&products.ends) {
             let of_row = std::mem::replace(&mut begin, end)..end;
@@ -155,25 +161,26 @@ impl<const K: usize> CoarseRows<'_, K> {
     }
 }
 
-/// Divides the coarse rows to which fine rows contribute into ranges with about the same number of blocks.
+/// Divides the coarse rows from the first to the last one to which fine rows contribute into ranges with about the same number
+/// of blocks, one for each memory of positions at most.
 fn coarse_rows<'a, const S: usize, const K: usize>(
     p: &BlockMatrix<f64>,
     products: &[Products<S, K>],
     coarse: &'a mut BlockMatrix<f64>,
-    parts: usize,
+    positions: &'a mut [Vec<u32>],
 ) -> Vec<CoarseRows<'a, K>> {
     let BlockMatrix { offsets, columns, values, .. } = coarse;
     let (offsets, columns): (&[u32], &[u32]) = (offsets, columns);
     let fine = products.first().map_or(0, |first| first.rows.start)..products.last().map_or(0, |last| last.rows.end);
     let targets = &p.columns[p.offsets[fine.start] as usize..p.offsets[fine.end] as usize];
     let (Some(&first), Some(&last)) = (targets.iter().min(), targets.iter().max()) else { return Vec::new() };
-    let ends = balanced(offsets, first as usize..last as usize + 1, parts);
+    let ends = balanced(offsets, first as usize..last as usize + 1, positions.len());
     let blocks: &mut [[[f64; K]; K]] = bytemuck::cast_slice_mut(values);
     let blocks = &mut blocks[offsets[first as usize] as usize..offsets[last as usize + 1] as usize];
     let lengths = ends.windows(2).map(|ends| (offsets[ends[1]] - offsets[ends[0]]) as usize);
     let ranges = ends.windows(2).map(|ends| ends[0]..ends[1]).zip(parallel::split(blocks, lengths));
-    let position = || vec![ABSENT; p.cols];
-    ranges.map(|(rows, blocks)| CoarseRows { rows, offsets, columns, blocks, position: position() }).collect()
+    let ranges = ranges.zip(positions).filter(|((rows, _), _)| !rows.is_empty());
+    ranges.map(|((rows, blocks), position)| CoarseRows { rows, offsets, columns, blocks, position }).collect()
 }
 
 /// Divides rows into `parts` ranges with about the same number of blocks; returns their limits.
@@ -270,13 +277,20 @@ mod tests {
         blocks.flat_map(of_block).collect()
     }
 
-    /// The matrix has more rows than a batch, and rows of it contribute to coarse rows far from each other.
+    /// The matrices have more rows than a batch, and rows of them contribute to coarse rows far from each other.
     #[test]
     fn sums_depend_neither_on_batches_nor_on_threads() {
+        for size in [(1, 3), (3, 6)] {
+            check_product(size);
+        }
+    }
+
+    fn check_product(size: (usize, usize)) {
         let (fine, coarse) = (TASKS_PER_BATCH * ROWS_PER_TASK + 700, 300);
-        let a = random((1, 1), fine, fine, |row| vec![row, (row + 1) % fine, (row + 77) % fine, (row * 7) % fine]);
+        let neighbors = |row| vec![row, (row + 1) % fine, (row + 77) % fine, (row * 7) % fine];
+        let a = random((size.0, size.0), fine, fine, neighbors);
         // Some rows have no coarse unknown.
-        let p = random((1, 3), fine, coarse, |row| match row % 11 {
+        let p = random(size, fine, coarse, |row| match row % 11 {
             0 => vec![],
             _ => vec![row * coarse / fine, (row * 13) % coarse],
         });
@@ -291,7 +305,7 @@ mod tests {
         assert!(bits(&one) == bits(&two) && bits(&one) == bits(&five));
         let expected = product(&entries(&p, true), &product(&entries(&a, false), &entries(&p, false)));
         let found = entries(&one, false);
-        assert!(found.len() >= expected.len());
+        assert!(expected.keys().all(|place| found.contains_key(place)));
         for (place, value) in found {
             let expected = expected.get(&place).copied().unwrap_or(0.0);
             assert!((value - expected).abs() < 1e-12, "{place:?}: {value} instead of {expected}");

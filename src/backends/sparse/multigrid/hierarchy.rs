@@ -29,7 +29,7 @@ struct Coarsest<T> {
     b: Vec<T>,
 }
 
-/// The most unknowns of a coarsest level whose inverse a device multiplies with: 0.5 GB.
+/// The most unknowns of a coarsest level whose inverse a device multiplies with: 0.5 GB on the host, half of it on the device.
 #[cfg(feature = "cuda")]
 pub(super) const MOST_INVERTED: usize = 8192;
 

@@ -57,9 +57,17 @@ impl Multigrid {
     /// # Errors
     /// Returns [`SolveError::NotFactored`] without one, and [`SolveError::Unsupported`] if its coarsest level is large.
     pub(in crate::backends) fn parts(&mut self) -> Result<Parts<'_>, Failure> {
-        let Some(AnyHierarchy::Single(hierarchy)) = &mut self.hierarchy else { return Err(SolveError::NotFactored) };
+        let inverted = match &mut self.hierarchy {
+            Some(AnyHierarchy::Single(hierarchy)) => hierarchy.coarsest_inverse(),
+            _ => Err(SolveError::NotFactored),
+        };
+        if inverted.is_err() {
+            // A direct method may replace this one.
+            self.hierarchy = None;
+        }
+        let (coarsest, inverse) = inverted?;
+        let Some(AnyHierarchy::Single(hierarchy)) = &self.hierarchy else { return Err(SolveError::NotFactored) };
         let unit = hierarchy.unit();
-        let (coarsest, inverse) = hierarchy.coarsest_inverse()?;
         let mut levels: Vec<LevelParts<'_>> = Vec::new();
         let mut a = &self.a;
         for level in hierarchy.levels() {

@@ -12,8 +12,8 @@ use crate::parallel;
 /// The number of block rows that a task prepares.
 const ROWS_PER_TASK: usize = 1024;
 
-/// The least number of block rows of a chunk; of blocks with more than nine entries, correspondingly fewer.
-const LEAST_ROWS: usize = 4096;
+/// The number of block rows of a chunk, about; of blocks with more than nine entries, correspondingly fewer.
+const ROWS_PER_CHUNK: usize = 4096;
 
 /// A pivot of a diagonal block that is smaller than this fraction of its largest entry is zero up to rounding.
 const SINGULAR: f64 = 1e-14;
@@ -39,15 +39,15 @@ pub(super) struct SingularBlock {
     pub row: usize,
 }
 
-/// Returns the number of rows per chunk of a matrix: all chunks but the last are as long as each other, that one at most as
-/// long, and their number is even, so that two threads have the same work.
-fn chunk_of<T: Entry>(a: &BlockMatrix<T>) -> usize {
-    let least = 9 * LEAST_ROWS / (a.size.0 * a.size.0).max(9);
-    let chunks = match a.rows() / least {
+/// Returns the number of rows per chunk of a matrix with so many block rows. All chunks but the last have as many, that one at
+/// most as many; there is one chunk, or an even number, so that two threads have the same work.
+fn chunk_of(rows: usize, size: usize) -> usize {
+    let wanted = 9 * ROWS_PER_CHUNK / (size * size).max(9);
+    let chunks = match (rows + wanted / 2) / wanted {
         0 | 1 => 1,
         chunks => chunks.next_multiple_of(2).min(MOST_CHUNKS),
     };
-    a.rows().div_ceil(chunks).max(1)
+    rows.div_ceil(chunks).max(1)
 }
 
 /// Returns the index of the diagonal block of each row.
@@ -122,7 +122,7 @@ fn invert(a: &mut [f64], b: &mut [f64], n: usize) -> bool {
 impl<T: Entry> Smoother<T> {
     /// Creates a smoother for matrices with the pattern of `a`.
     pub fn new(a: &BlockMatrix<f64>) -> Self {
-        Self { chunk: chunk_of(a), diagonal: Vec::new(), inverse: Vec::new(), additions: Vec::new() }
+        Self { chunk: chunk_of(a.rows(), a.size.0), diagonal: Vec::new(), inverse: Vec::new(), additions: Vec::new() }
     }
 
     /// Prepares the sweeps with a matrix whose entries are divided by `unit` in the sweeps.
@@ -296,4 +296,27 @@ fn product<T: Entry, const S: usize>(block: &[[T; S]; S], x: &[T; S]) -> [T; S] 
         }
     }
     y
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn chunks_are_even_and_neither_short_nor_many() {
+        for (size, wanted) in [(1, 4096), (3, 4096), (6, 1024)] {
+            for rows in
+                [0, 1, wanted, 3 * wanted / 2, 2 * wanted, 5 * wanted / 2, 3 * wanted, 17 * wanted + 5, 1000 * wanted]
+            {
+                let chunk = chunk_of(rows, size);
+                let chunks = rows.div_ceil(chunk);
+                assert!(chunks <= 1 || chunks.is_multiple_of(2), "{chunks} chunks of {rows} rows");
+                assert!(
+                    chunks <= MOST_CHUNKS && (chunks <= 1 || 8 * chunk >= 5 * wanted),
+                    "{chunks} chunks of {rows} rows"
+                );
+                assert!(chunk < 3 * wanted / 2 + 1 || chunks == MOST_CHUNKS, "{chunks} chunks of {rows} rows");
+            }
+        }
+    }
 }
