@@ -40,6 +40,20 @@ print(*{*site.getsitepackages(), site.getusersitepackages(), *sys.path}, sep="\n
     export LD_LIBRARY_PATH
 }
 
+# Returns success if the loader finds the library of the driver.
+has_driver() {
+    local folder searched=${LD_LIBRARY_PATH:-}
+    if ldconfig -p 2>/dev/null | grep -q "libcuda\.so"; then
+        return 0
+    fi
+    for folder in ${searched//:/ } /usr/lib/wsl/lib /usr/lib64 /usr/lib/x86_64-linux-gnu /usr/lib/aarch64-linux-gnu; do
+        if compgen -G "$folder/libcuda.so*" >/dev/null; then
+            return 0
+        fi
+    done
+    return 1
+}
+
 known=$(ldconfig -p 2>/dev/null || true)
 for library in libnvrtc libcusparse; do
     if ! grep -q "$library\.so" <<<"$known"; then
@@ -55,6 +69,10 @@ fi
 if [ -z "$tests" ]; then
     if ! command -v cargo >/dev/null; then
         skip "there is no cargo to build the checks, and no prebuilt program: set BIOTISSUE_GPU_TESTS"
+    fi
+    # The build takes minutes, in vain without a driver.
+    if ! has_driver; then
+        skip "libcuda.so was not found: there is no driver of NVIDIA"
     fi
     cd "$here/.."
     tests=$(cargo test --release --features cuda --test cuda --no-run --message-format json |

@@ -34,6 +34,30 @@ fn a_missing_device_is_reported_once() {
     }
 }
 
+#[test]
+fn a_body_without_rves_needs_no_device() {
+    const BODY: &str = r#"
+[mesh]
+generate = { shape = "box", cells = [2, 1, 1], size = [2.0, 1.0, 1.0] }
+[[region]]
+name = "*"
+material = { model = "neo-hookean", youngs_modulus = 1e3, poisson_ratio = 0.3 }
+[[boundary]]
+surface = "x0"
+displacement = { x = 0.0, y = 0.0, z = 0.0 }
+[[boundary]]
+surface = "x1"
+displacement = { x = 0.1, y = 0.0, z = 0.0 }
+[steps]
+count = 1
+[micro]
+device = "cuda"
+"#;
+    let folder = tempfile::tempdir().unwrap();
+    write_case(folder.path(), "body.toml", BODY);
+    line(folder.path(), "run body.toml --out results").done();
+}
+
 /// A check needs no device. It says that few RVEs do not pay there, and counts the memory through which they would get there.
 #[test]
 fn a_check_needs_no_device() {

@@ -63,6 +63,21 @@ fn multigrid_gives_the_same_bits_however_the_case_runs_and_the_loads_of_the_dire
     assert_same_loads(folder, "formula", "direct");
 }
 
+/// A check finds what the run would find before its first step.
+#[cfg(feature = "dense")]
+#[test]
+fn a_check_refuses_a_solver_that_the_backend_does_not_have() {
+    let folder = tempfile::tempdir().unwrap();
+    let material = "{ model = \"neo-hookean\", shear_modulus = 1000.0, poisson_ratio = 0.3 }";
+    std::fs::write(folder.path().join("case.toml"), case(material, MULTIGRID)).unwrap();
+    for command in ["check", "run"] {
+        let outcome = line(folder.path(), &format!("{command} case.toml --backend dense"));
+        let message = outcome.failed(2);
+        assert!(message.contains("the backend `dense` has no incomplete factorization or multigrid"), "{message}");
+    }
+    line(folder.path(), "check case.toml").done();
+}
+
 /// Checks that forces, moments and pressures agree to 1e-9 of the largest force, moment and pressure of the run.
 fn assert_same_loads(folder: &Path, found: &str, exact: &str) {
     let (found, exact) = (loads(folder, found), loads(folder, exact));

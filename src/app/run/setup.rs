@@ -22,7 +22,7 @@ use crate::fem::boundary::Conditions;
 use crate::fem::mesh::{Division, Mesh};
 use crate::fem::stepping::{BodyDivision, BodyPart, LinearSystem, SetupError, Stepper};
 use crate::input::InputErrors;
-use crate::las::RealBackend;
+use crate::las::{RealBackend, SolveError, SolverParams, Sparsity};
 use crate::tissue::materials::Materials;
 use crate::tissue::micro_scale::{LibraryError, ProgressSource, Sites, TissueField, TissueFieldError, TissueMaterial};
 use crate::tissue::two_scale::partition;
@@ -92,13 +92,14 @@ impl<B: RealBackend, N: RealBackend> Setup<B, TissueField<N>> {
         })
     }
 
-    /// Opens the device of the case, if it names one for its RVEs. A run needs it, a check does not.
+    /// Opens the device of the case, if it names one for its RVEs and has any. A run needs it, a check does not.
     ///
     /// # Errors
     /// Returns [`LibraryError::Device`] if the device cannot be used.
     pub fn with_device(mut self) -> Result<Self, SimulationError<B::Error>> {
-        if let Some(device) = rve_device::open(self.case.micro.device, 0)? {
-            let library = self.field.library();
+        let library = self.field.library();
+        let needed = self.case.micro.device.filter(|_| !library.models().is_empty());
+        if let Some(device) = rve_device::open(needed, 0)? {
             let mut solvers = device.batch_solvers(1, library.models(), library.predicts())?.into_iter();
             self.field.solve_in_batches(|_| Ok::<_, LibraryError>(solvers.next().flatten()))?;
         }
@@ -245,13 +246,14 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
     /// Returns the size of the problem, and the memory that a run on the threads of this process takes.
     ///
     /// # Errors
-    /// Returns [`SimulationError`] if the linear system would be too large.
+    /// Returns [`SimulationError`] if the linear system would be too large, or the backend does not have its solver.
     pub fn problem_size(&self) -> Result<(ProblemSize, MemoryForecast), SimulationError<B::Error>> {
         let (order, params) = (self.field.node_order(&self.mesh), macro_scale::step_params(&self.case));
         let boundary = macro_scale::boundary(&self.case, &self.mesh, &self.conditions)?;
         let constraints = self.conditions.constraints.len();
         let system = LinearSystem::new::<B>(&order, &self.mesh, &boundary, constraints, &params);
         let system = system.map_err(|error| Box::new(SetupError::from(error)))?;
+        check_solver::<B>(&self.context, &system.solver).map_err(|error| Box::new(SetupError::from(error)))?;
         let size = ProblemSize::new(&self.case, &self.mesh, &self.field, self.unknowns, system.choice.as_ref());
         let memory = MemoryForecast::new(&self.case, &self.field, &self.mesh, &system, size.threads)
             .map_err(|error| Box::new(SetupError::from(error)))?;
@@ -324,6 +326,12 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
         let (lock, written) = (None, ResultsRecord::default());
         Ok(Simulation { case, stepper, hashes, surfaces, networks, warnings, lock, written })
     }
+}
+
+/// Makes the solver of a system of one unknown.
+fn check_solver<B: RealBackend>(context: &B::Context, solver: &SolverParams) -> Result<(), SolveError<B::Error>> {
+    let symbolic = B::analyze(context, &Arc::new(Sparsity::full(1, 1)), solver)?;
+    B::solver(&symbolic).map(|_| ())
 }
 
 /// Returns a warning if one core solves the RVEs of every network faster than a device.

@@ -126,11 +126,24 @@ impl Interrupted {
             self.is_interrupted.store(true, Ordering::Relaxed);
             return;
         }
-        let _ = match completed_steps {
-            0 => writeln!(stderr, "interrupted: no load step has converged yet"),
-            _ => writeln!(stderr, "{}", how_to_continue(&self.dir)),
-        };
+        let _ = writeln!(stderr, "{}", self.message(completed_steps));
         exit(INTERRUPTED.into());
+    }
+
+    /// Returns the message of a process that ends at once.
+    fn message(&self, completed_steps: usize) -> String {
+        let (dir, saved_steps) = (self.dir.display(), self.saved_steps.load(Ordering::Relaxed));
+        match (completed_steps, saved_steps) {
+            (0, _) => "interrupted: no load step has converged yet".into(),
+            _ if self.between_checkpoints == 1 || completed_steps == saved_steps => how_to_continue(&self.dir),
+            (_, 0) => format!(
+                "interrupted: {dir} has no checkpoint yet, so that the same command with --resume starts from the beginning"
+            ),
+            _ => format!(
+                "interrupted: the last checkpoint in {dir} is that of load step {saved_steps}; the same command with --resume \
+                 continues after it"
+            ),
+        }
     }
 }
 
@@ -138,4 +151,32 @@ impl Interrupted {
 pub fn how_to_continue(dir: &Path) -> String {
     let dir = dir.display();
     format!("interrupted: the converged load steps are in {dir}; the same command with --resume continues after them")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Under `mpirun`, where a run cannot go on to its next checkpoint.
+    #[test]
+    fn the_message_names_the_step_from_which_a_run_continues() {
+        let message = |completed: usize, saved: usize, between_checkpoints: usize| {
+            let run = Interrupted {
+                dir: "out".into(),
+                completed_steps: Arc::new(AtomicUsize::new(completed)),
+                saved_steps: Arc::new(AtomicUsize::new(saved)),
+                between_checkpoints,
+                is_interrupted: Arc::default(),
+                bar: None,
+            };
+            run.message(completed)
+        };
+        assert!(message(0, 0, 5).contains("no load step has converged yet"));
+        assert!(message(3, 0, 5).contains("out has no checkpoint yet"));
+        assert!(message(7, 5, 5).contains("that of load step 5;"));
+        // The checkpoint of the last step may be written at this moment.
+        for message in [message(5, 5, 5), message(3, 2, 1)] {
+            assert_eq!(message, how_to_continue(Path::new("out")));
+        }
+    }
 }

@@ -99,7 +99,11 @@ impl fmt::Display for SolverChoice {
             Method::Direct if !self.has_multigrid => {
                 write!(f, "direct: estimated {direct} per system; this backend has no multigrid")
             }
-            Method::Direct => write!(f, "direct: estimated {direct} per system, multigrid {iterative}"),
+            Method::Direct => {
+                let [of_direct, of_iterative] = self.seconds;
+                let why = if of_iterative < of_direct { ", less than twice as fast" } else { "" };
+                write!(f, "direct: estimated {direct} per system, multigrid {iterative}{why}")
+            }
             Method::Iterative(Iterative { krylov, .. }) => {
                 let method = if krylov == Krylov::Cg { "conjugate gradients" } else { "GMRES" };
                 write!(f, "{method} with multigrid: estimated {iterative} per system, a direct solver {direct}")
