@@ -18,8 +18,8 @@
 //!
 //! Multigrid has the levels of [`sparse::multigrid`](crate::backends::sparse::multigrid), which the host builds, but
 //! another smoother: Gauss-Seidel sweeps are sequential, so that the device runs Chebyshev iterations with the inverses
-//! of the diagonal blocks, in single precision. The coarsest matrix, of at most 8192 unknowns, is inverted on the host. Numbers of iterations
-//! differ a little from those of `sparse`.
+//! of the diagonal blocks, in single precision. The coarsest matrix, of at most 8192 unknowns, is inverted on the host.
+//! Numbers of iterations differ a little from those of `sparse`.
 //!
 //! The direct solver of NVIDIA, cuSOLVER's `csrlsvchol` and its relatives, is deprecated, factors on one thread of the
 //! host or with much fill, and does not separate the analysis of a pattern from the factorization; the solvers of
