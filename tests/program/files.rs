@@ -74,9 +74,36 @@ fn a_case_file_is_not_replaced_by_the_copy_of_a_case() {
     let copy = std::fs::read_to_string(deep.join("case.toml")).unwrap();
     std::fs::write(deep.join("case.toml"), copy.replace("count = 2", "count = 3")).unwrap();
     assert_refused(&deep, "run case.toml --out .", "./case.toml");
-    // Earlier versions wrote the copy without a checksum.
-    std::fs::write(deep.join("case.toml"), copy.split_once('\n').unwrap().1).unwrap();
+    // Earlier versions wrote the copy without a checksum and without the name of the file.
+    let earlier = copy.split_once('\n').unwrap().1.replace("# Case file: case.toml\n", "");
+    std::fs::write(deep.join("case.toml"), earlier).unwrap();
     line(&deep, "run pull.toml --out .").done();
+}
+
+/// Cases in one folder have the same result directory, if none of them names another.
+#[test]
+fn the_results_of_another_case_are_not_replaced() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    write_case(folder, "one.toml", &short());
+    write_case(folder, "two.toml", &short());
+    line(folder, "run one.toml").done();
+    let before = contents(folder);
+    for options in ["", " --ranks 2"] {
+        let failed = line(folder, &format!("run two.toml{options}"));
+        let block = failed.failed(2);
+        assert!(block.contains("one.toml, which this run would replace; nothing was touched"), "{block}");
+        assert!(block.contains("results`"), "{block}");
+        assert!(contents(folder) == before, "{options}");
+    }
+    // One's own results are replaced, also those of a case that has another name by now, and others if the user says so.
+    line(folder, "run one.toml").done();
+    line(folder, "run two.toml --out results").done();
+    std::fs::remove_file(folder.join("two.toml")).unwrap();
+    line(folder, "run one.toml").done();
+    // A copy of the case continues its run.
+    write_case(folder, "two.toml", &short());
+    line(folder, "run two.toml --resume").done();
 }
 
 #[test]

@@ -20,6 +20,10 @@ pub enum ResultsError {
     /// Nothing was changed.
     #[error("{0}: {1}")]
     UnknownOrigin(PathBuf, &'static str),
+    /// The directory that a case names for its results holds those of another case: the directory, and the file of that
+    /// case. Nothing was changed.
+    #[error("{0}: holds the results of {1}")]
+    OtherCase(PathBuf, PathBuf),
     /// Another run writes its results to the same directory: the directory and, as far as known, the process that holds
     /// its lock, with its machine.
     #[error("{0}: in use by another run: {1}")]

@@ -54,7 +54,7 @@ pub use lock::DirectoryLock;
 pub use log::{Event, LogWriter};
 pub use networks::{NetworkSet, Networks, read_vtp, write_vtp};
 pub use origin::check_origin;
-pub(in crate::app) use origin::{case_copy, is_report, results_without_checkpoint};
+pub(in crate::app) use origin::{case_copy, check_case, is_report, results_without_checkpoint};
 pub use pieces::{part_file, piece_index, write_piece, write_pieces};
 pub use points::{PointCloud, PointValues, point_piece_index, read_points, write_point_pieces, write_points};
 pub use record::{FieldFile, NetworkSeries, ResultsRecord, RunProgress, network_series, unlisted_points};

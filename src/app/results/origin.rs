@@ -28,6 +28,9 @@ const HEAD: u64 = 4096;
 /// Beginning of the first line below the checksum in the copy of a case; the version follows.
 const CASE_LINE: &str = "# The case as run by biotissue ";
 
+/// Beginning of the line after it; the name of the file of the case follows.
+const FILE_LINE: &str = "# Case file: ";
+
 const GRID: &str = "<VTKFile type=\"UnstructuredGrid\"";
 const DIVIDED_GRID: &str = "<VTKFile type=\"PUnstructuredGrid\"";
 const NETWORK: &str = "<VTKFile type=\"PolyData\"";
@@ -160,7 +163,40 @@ fn has(bytes: Bytes, first: &str, then: &str) -> bool {
 
 /// Returns the text of the file `case.toml` in a result directory.
 pub(in crate::app) fn case_copy(case: &Case) -> String {
-    with_checksum(&case.to_toml())
+    let mut text = case.to_toml();
+    if let (Some(name), Some(line_end)) = (file_name(case), text.find('\n')) {
+        text.insert_str(line_end + 1, &format!("{FILE_LINE}{name}\n"));
+    }
+    with_checksum(&text)
+}
+
+/// Returns the name of the file of a case, if a line of text can hold it.
+fn file_name(case: &Case) -> Option<&str> {
+    case.file.file_name()?.to_str().filter(|name| !name.contains(char::is_control))
+}
+
+/// Checks that a run of this case, in the result directory that it names, does not replace the results of another case,
+/// whose file still lies beside its own. A directory without a case, or with one of an earlier version, passes.
+///
+/// # Errors
+/// Returns [`ResultsError::OtherCase`].
+pub(in crate::app) fn check_case(dir: &Path, case: &Case) -> Result<(), ResultsError> {
+    if dir != case.output.directory {
+        return Ok(());
+    }
+    let Ok(text) = fs::read_to_string(dir.join(CASE_FILE)) else { return Ok(()) };
+    let other = below_checksum(&text).and_then(|(below, _)| below.lines().nth(1)?.strip_prefix(FILE_LINE));
+    let Some(other) = other.filter(|&other| Some(other) != file_name(case)) else { return Ok(()) };
+    let file = case.file.with_file_name(other);
+    if file.is_file() { Err(ResultsError::OtherCase(dir.to_owned(), file)) } else { Ok(()) }
+}
+
+/// Returns true if this is the copy of the case, whatever the name of its file was.
+fn is_copy_of(case: &Case, copy: &str) -> bool {
+    let is_copied = |line: &&str| !line.starts_with(FILE_LINE);
+    below_checksum(copy).is_some_and(|(below, is_as_written)| {
+        is_as_written && below.lines().filter(is_copied).eq(case.to_toml().lines())
+    })
 }
 
 fn is_case_copy(bytes: Bytes, path: &Path) -> bool {
@@ -222,7 +258,7 @@ pub(in crate::app) fn results_without_checkpoint(
     let (loads, log) = (dir.join(LOADS_FILE), dir.join(LOG_FILE));
     let rows = if loads.exists() { Loads::read(&loads)?.rows.len() } else { 0 };
     let events = if log.exists() { log::read(&log)? } else { Vec::new() };
-    let same_case = || fs::read_to_string(dir.join(CASE_FILE)).is_ok_and(|text| text == case_copy(case));
+    let same_case = || fs::read_to_string(dir.join(CASE_FILE)).is_ok_and(|text| is_copy_of(case, &text));
     let begun = events.iter().any(|event| matches!(event, Event::Start(_)));
     // The first checkpoint is written after the row of its step.
     let repeated = if begun && same_case() { case.output.checkpoint } else { 0 };

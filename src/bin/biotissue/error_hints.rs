@@ -27,6 +27,11 @@ pub fn not_written(error: ResultsError) -> Failure {
             "a directory that is empty, or that holds the results of an earlier run as they were written",
             "name another directory with --out, or move or rename that file",
         ),
+        ResultsError::OtherCase(ref dir, _) => Failure::arguments(
+            format!("{error}, which this run would replace; nothing was touched"),
+            "a result directory of its own for each case in a folder",
+            format!("name another `directory` in [output], or replace them by `--out {}`", dir.display()),
+        ),
         ResultsError::Read { .. } => Failure::environment(
             error.to_string(),
             "a result directory whose files can be read",
