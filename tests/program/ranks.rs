@@ -302,8 +302,22 @@ fn a_body_without_rves_runs_on_several_ranks() {
     let folder = tempfile::tempdir().unwrap();
     let text = PRESSED.replace("-1.5", "-0.4");
     run(folder.path(), &text, "--out alone").done();
-    run(folder.path(), &text, "--ranks 3 --out shared").done();
+    let shared = run(folder.path(), &text, "--ranks 3 --out shared");
+    shared.done();
+    assert!(shared.stderr.contains("2 of 3 ranks are for RVEs, of which the case has none"), "{}", shared.stderr);
     assert_eq!(read(folder.path(), "alone/loads.csv"), read(folder.path(), "shared/loads.csv"));
+}
+
+/// Each of six elements has an RVE.
+#[test]
+fn more_ranks_than_rves_are_reported() {
+    let folder = tempfile::tempdir().unwrap();
+    for (ranks, is_reported) in [(7, false), (8, true)] {
+        let shared = run(folder.path(), &fibers(&frozen()), &format!("--ranks {ranks} --out out"));
+        shared.done();
+        let warning = format!("{} of {ranks} ranks are for RVEs, of which the case has at most 6", ranks - 1);
+        assert_eq!(shared.stderr.contains(&warning), is_reported, "{}", shared.stderr);
+    }
 }
 
 /// A build without MPI reports an error if `mpirun` started it, because each process would write the same files.

@@ -60,7 +60,15 @@ fn read(value: &Value<'_>, allows_auto: bool) -> Option<Said> {
     if allows_auto {
         names.insert(0, (AUTO, None));
     }
-    if value.inner.as_str().is_some() {
+    if !value.inner.is_table() {
+        let preconditioner = PRECONDITIONERS.iter().find(|(name, _)| value.inner.as_str() == Some(name));
+        if let Some((name, _)) = preconditioner.filter(|(name, _)| *name != "none") {
+            // Conjugate gradients take no incomplete LU.
+            let method = if *name == "ilut" { "gmres" } else { "cg" };
+            let cure = format!("write solver = {{ method = \"{method}\", preconditioner = \"{name}\" }}");
+            value.report_invalid("a method; this is a preconditioner", cure);
+            return None;
+        }
         return Some(match value.choice(&names)? {
             None => Said::Auto,
             Some(None) => Said::Method(SolverCase { method: Method::Direct, fixed_tolerance: true }),
@@ -71,7 +79,8 @@ fn read(value: &Value<'_>, allows_auto: bool) -> Option<Said> {
     }
     let mut table = value.table()?;
     if !table.has("method") {
-        let expected = "how to solve: \"direct\", \"cg\", \"bicgstab\" or \"gmres\"";
+        let of_size = if allows_auto { "\"auto\", " } else { "" };
+        let expected = format!("how to solve: {of_size}\"direct\", \"cg\", \"bicgstab\" or \"gmres\"");
         table.report("has no `method`", expected, "add `method = ...`");
         return None;
     }

@@ -158,6 +158,7 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
         warnings.extend(implausible);
         warnings.extend(network_warnings);
         warnings.extend(without_networks(&case));
+        warnings.extend(idle_ranks(&case, &whole, field.ranks()));
         warnings.extend(few_for_a_device(&case, &field.rve_counts().per_model));
         warnings.extend(macro_scale::imbalance(&case, &whole, &boundary));
         let networks = if part.is_some() && case.output.rve != ElementSelection::None {
@@ -332,6 +333,24 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
 fn check_solver<B: RealBackend>(context: &B::Context, solver: &SolverParams) -> Result<(), SolveError<B::Error>> {
     let symbolic = B::analyze(context, &Arc::new(Sparsity::full(1, 1)), solver)?;
     B::solver(&symbolic).map(|_| ())
+}
+
+/// Returns a warning if there are more ranks for RVEs than integration points that may have one.
+fn idle_ranks(case: &Case, mesh: &Mesh, [of_body, of_rves]: [usize; 2]) -> Option<String> {
+    let has_rves = |name: &String| {
+        let region = case.region_of(name).map(|region| &case.regions[region].material);
+        matches!(region, Some(RegionMaterial::FiberRve(_)))
+    };
+    let has_rves: Vec<bool> = mesh.regions().iter().map(has_rves).collect();
+    let points = |element: usize| mesh.points().of_element(element).len();
+    let elements = mesh.region_of().iter().enumerate().filter(|&(_, &region)| has_rves[region as usize]);
+    let points: usize = elements.map(|(element, _)| points(element)).sum();
+    // There is at least one rank for RVEs.
+    (of_rves > points.max(1)).then(|| {
+        let rves = if points == 0 { "none".to_owned() } else { format!("at most {points}") };
+        let (file, ranks) = (case.file.display(), of_body + of_rves);
+        format!("{file}: {of_rves} of {ranks} ranks are for RVEs, of which the case has {rves}: fewer ranks are as fast")
+    })
 }
 
 /// Returns a warning if one core solves the RVEs of every network faster than a device.
