@@ -354,6 +354,25 @@ module biotissue_las
       type(c_ptr), value :: mat
       integer(c_int) :: outcome
     end function
+    function las_update_sparse(solver, mat) bind(c) result(outcome)
+      import :: c_int, c_double, c_ptr, c_char, las_params
+      type(c_ptr), value :: solver
+      type(c_ptr), value :: mat
+      integer(c_int) :: outcome
+    end function
+    function las_set_tolerance_sparse(solver, tolerance) bind(c) result(outcome)
+      import :: c_int, c_double, c_ptr, c_char, las_params
+      type(c_ptr), value :: solver
+      real(c_double), value :: tolerance
+      integer(c_int) :: outcome
+    end function
+    function las_set_near_null_space_sparse(solver, vec_count, vec) bind(c) result(outcome)
+      import :: c_int, c_double, c_ptr, c_char, las_params
+      type(c_ptr), value :: solver
+      integer(c_int), value :: vec_count
+      type(c_ptr), intent(in) :: vec(*)
+      integer(c_int) :: outcome
+    end function
     function las_factor_definite_sparse(solver, mat) bind(c) result(outcome)
       import :: c_int, c_double, c_ptr, c_char, las_params
       type(c_ptr), value :: solver
@@ -646,6 +665,25 @@ module biotissue_las
       import :: c_int, c_double, c_ptr, c_char, las_params
       type(c_ptr), value :: solver
       type(c_ptr), value :: mat
+      integer(c_int) :: outcome
+    end function
+    function las_update_dense(solver, mat) bind(c) result(outcome)
+      import :: c_int, c_double, c_ptr, c_char, las_params
+      type(c_ptr), value :: solver
+      type(c_ptr), value :: mat
+      integer(c_int) :: outcome
+    end function
+    function las_set_tolerance_dense(solver, tolerance) bind(c) result(outcome)
+      import :: c_int, c_double, c_ptr, c_char, las_params
+      type(c_ptr), value :: solver
+      real(c_double), value :: tolerance
+      integer(c_int) :: outcome
+    end function
+    function las_set_near_null_space_dense(solver, vec_count, vec) bind(c) result(outcome)
+      import :: c_int, c_double, c_ptr, c_char, las_params
+      type(c_ptr), value :: solver
+      integer(c_int), value :: vec_count
+      type(c_ptr), intent(in) :: vec(*)
       integer(c_int) :: outcome
     end function
     function las_factor_definite_dense(solver, mat) bind(c) result(outcome)
@@ -942,6 +980,25 @@ module biotissue_las
       type(c_ptr), value :: mat
       integer(c_int) :: outcome
     end function
+    function las_update_batched(solver, mat) bind(c) result(outcome)
+      import :: c_int, c_double, c_ptr, c_char, las_params
+      type(c_ptr), value :: solver
+      type(c_ptr), value :: mat
+      integer(c_int) :: outcome
+    end function
+    function las_set_tolerance_batched(solver, tolerance) bind(c) result(outcome)
+      import :: c_int, c_double, c_ptr, c_char, las_params
+      type(c_ptr), value :: solver
+      real(c_double), value :: tolerance
+      integer(c_int) :: outcome
+    end function
+    function las_set_near_null_space_batched(solver, vec_count, vec) bind(c) result(outcome)
+      import :: c_int, c_double, c_ptr, c_char, las_params
+      type(c_ptr), value :: solver
+      integer(c_int), value :: vec_count
+      type(c_ptr), intent(in) :: vec(*)
+      integer(c_int) :: outcome
+    end function
     function las_factor_definite_batched(solver, mat) bind(c) result(outcome)
       import :: c_int, c_double, c_ptr, c_char, las_params
       type(c_ptr), value :: solver
@@ -1234,6 +1291,25 @@ module biotissue_las
       import :: c_int, c_double, c_ptr, c_char, las_params
       type(c_ptr), value :: solver
       type(c_ptr), value :: mat
+      integer(c_int) :: outcome
+    end function
+    function las_update_petsc(solver, mat) bind(c) result(outcome)
+      import :: c_int, c_double, c_ptr, c_char, las_params
+      type(c_ptr), value :: solver
+      type(c_ptr), value :: mat
+      integer(c_int) :: outcome
+    end function
+    function las_set_tolerance_petsc(solver, tolerance) bind(c) result(outcome)
+      import :: c_int, c_double, c_ptr, c_char, las_params
+      type(c_ptr), value :: solver
+      real(c_double), value :: tolerance
+      integer(c_int) :: outcome
+    end function
+    function las_set_near_null_space_petsc(solver, vec_count, vec) bind(c) result(outcome)
+      import :: c_int, c_double, c_ptr, c_char, las_params
+      type(c_ptr), value :: solver
+      integer(c_int), value :: vec_count
+      type(c_ptr), intent(in) :: vec(*)
       integer(c_int) :: outcome
     end function
     function las_factor_definite_petsc(solver, mat) bind(c) result(outcome)

@@ -96,7 +96,7 @@ impl InputError {
             file,
             format!("cannot be read: {error}"),
             "a file that exists and may be read",
-            "check the name and its permissions; a path in a case file is relative to that file",
+            "check the name and its permissions; if a file names it, the path is relative to that file",
         )
     }
 }

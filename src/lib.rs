@@ -29,7 +29,7 @@
 //!
 //! | feature | provides | needs on the machine |
 //! |---|---|---|
-//! | `sparse` (default) | compressed sparse rows; direct solvers, Krylov methods with ILUT | nothing |
+//! | `sparse` (default) | compressed sparse rows; direct solvers, Krylov methods with ILUT or multigrid | nothing |
 //! | `dense` (default) | dense matrices | nothing |
 //! | `petsc` (implies `mpi`) | distributed vectors, matrices and solvers of PETSc | PETSc 3.18+ with its headers, MPI, libclang |
 //! | `mpi` | ranks as MPI processes | MPI, libclang |

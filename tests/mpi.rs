@@ -66,6 +66,7 @@ const CHECKS: &[Check] = &[
     }),
     ("one_by_one", units::units_that_are_added_one_by_one_are_distributed_evenly),
     ("invalid_calls", units::invalid_calls_are_errors),
+    ("separate_streams", units::channels_are_separate_streams),
     ("ring", units::three_scales_are_coupled_in_a_ring),
     ("published_migration", balance::the_published_example_in_three_phases),
     ("published_balance", balance::the_published_coupling_is_balanced),

@@ -59,6 +59,19 @@ pub(super) fn check_pattern<F>(found: &Arc<Sparsity>, expected: &Arc<Sparsity>) 
     if found == expected { Ok(()) } else { Err(SolveError::Pattern) }
 }
 
+/// Returns [`SolveError::NotFinite`] if a value of a matrix is not finite; `all_finite` tests all values.
+pub(super) fn check_finite<T: Scalar, F>(
+    pattern: &Sparsity,
+    values: &[T],
+    all_finite: impl Fn(&[T]) -> bool,
+) -> Result<(), SolveError<F>> {
+    if all_finite(values) {
+        return Ok(());
+    }
+    let bad = values.iter().position(|value| !value.is_finite()).unwrap_or(0);
+    Err(SolveError::NotFinite { row: pattern.row_offsets()[1..].partition_point(|&end| end as usize <= bad) })
+}
+
 /// Returns [`SolveError::Size`] if the right-hand sides or solutions do not fit the system.
 pub(super) fn check_columns<F>(
     unknowns: usize,

@@ -10,8 +10,8 @@ use crate::backends::direct::Pivots;
 use crate::backends::kept::KeptPreconditioner;
 use crate::las::krylov::KrylovSpace;
 use crate::las::{
-    Backend, FactorReport, Factorization, Failure, Iterative, MatVec, Scalar, SingleLane, SolveError, SolveReport,
-    VectorOps,
+    Backend, FactorReport, Factorization, Failure, Iterative, MatVec, Preconditioner, Scalar, SingleLane, SolveError,
+    SolveReport, VectorOps,
 };
 
 /// A preconditioner that a backend provides for a Krylov method.
@@ -161,12 +161,19 @@ impl<B: SingleLane<Matrix: Clone>> IterativeSolver<B> {
         Ok((FactorReport { kind, indefinite_at: None, pivot_ratio, negative_pivots: None }, pivots))
     }
 
+    /// Refuses to solve until the next matrix, if the one that the caller was given is of no use.
+    pub(super) fn unless_invalid(&mut self, checked: Result<(), Failure<B>>) -> Result<(), Failure<B>> {
+        self.ready &= checked.is_ok();
+        checked
+    }
+
     /// Does the same as `factor`, but keeps the preconditioner of an earlier matrix as long as the number of iterations
     /// hardly grows.
     pub(super) fn update(&mut self, a: &B::Matrix) -> Result<FactorReport, Failure<B>> {
-        if !self.ready || !self.inverse.keep(a)? {
+        if !std::mem::take(&mut self.ready) || !self.inverse.keep(a)? {
             return self.factor(a).map(|(report, _)| report);
         }
+        self.ready = true;
         if !self.kept.keep() {
             self.refresh()?;
         }
@@ -181,16 +188,26 @@ impl<B: SingleLane<Matrix: Clone>> IterativeSolver<B> {
         Ok(())
     }
 
-    /// Does the same as `factor`, but returns [`SolveError::Indefinite`] if a pivot of the preconditioner is negative.
-    /// For a symmetric matrix, ILUT without dropping has as many negative pivots as the matrix has negative
-    /// eigenvalues; with little dropping, this nearly always holds.
+    /// Does the same as `factor`, but returns [`SolveError::Indefinite`] if a pivot of the preconditioner is negative, or, with
+    /// multigrid, an entry of the diagonal. For a symmetric matrix, ILUT without dropping has as many negative pivots as
+    /// the matrix has negative eigenvalues; with little dropping, this nearly always holds.
     pub(super) fn factor_definite(&mut self, a: &B::Matrix) -> Result<FactorReport, Failure<B>> {
         let (report, pivots) = self.factor(a)?;
-        if pivots.is_some_and(|pivots| pivots.negative() > 0) {
+        let is_indefinite = match pivots {
+            Some(pivots) => pivots.negative() > 0,
+            None => self.space.preconditioner() == Preconditioner::Multigrid && self.has_negative_diagonal(a)?,
+        };
+        if is_indefinite {
             self.ready = false;
             return Err(SolveError::Indefinite { unknown: None });
         }
         Ok(report)
+    }
+
+    fn has_negative_diagonal(&mut self, a: &B::Matrix) -> Result<bool, Failure<B>> {
+        let d = self.space.scratch();
+        a.inverse_diagonal(d)?;
+        Ok(d.with_local(|d| d.iter().any(|d| d.as_f64() < 0.0))?)
     }
 
     pub(super) fn solve_columns(&mut self, b: &[B::Vector], x: &mut [B::Vector]) -> Result<SolveReport, Failure<B>> {

@@ -63,8 +63,12 @@ pub(super) fn get<T: Value>(y: &[T], rows: &[i32], values: &mut [T]) {
     for (&row, value) in rows.iter().zip(values) {
         match y.get(row as usize) {
             Some(&entry) => *value = entry,
-            None if row >= 0 => *value = T::zero(),
-            None => {}
+            None => {
+                debug_assert!(row < 0, "row {row} of a vector of {}", y.len());
+                if row >= 0 {
+                    *value = T::zero();
+                }
+            }
         }
     }
 }

@@ -31,7 +31,7 @@ use std::sync::Arc;
 use backend::exported;
 use handles::{Failure, array, backend_error, count, create, exclusive, free, guarded};
 
-use crate::las::{Backend, Iterative, Krylov, Preconditioner, SolverParams, Sparsity, Symmetry, market};
+use crate::las::{Backend, Iterative, Krylov, Preconditioner, SolverParams, Sparsity, SparsityError, Symmetry, market};
 
 /// Success.
 pub const LAS_OK: i32 = 0;
@@ -245,8 +245,9 @@ pub unsafe extern "C" fn las_destroy_pattern(pattern: *mut las_pattern) -> i32 {
     guarded(|| free(pattern))
 }
 
-fn pattern_error(error: crate::las::SparsityError) -> Failure {
-    Failure::new(LAS_SIZE, error.to_string())
+fn pattern_error(error: SparsityError) -> Failure {
+    let code = if matches!(error, SparsityError::Column { .. }) { LAS_INDEX } else { LAS_SIZE };
+    Failure::new(code, error.to_string())
 }
 
 /// The functions that a backend needs for the C interface, in addition to its traits.

@@ -2,6 +2,8 @@
 //! reconcile a coupling collectively; each rank exchanges lists of units with its neighbors only.
 
 use std::collections::HashSet;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
 
 use thiserror::Error;
 
@@ -18,10 +20,10 @@ pub(super) enum MessageKind {
     Lists,
     /// Messages between the roots of the two scales.
     Roots,
-    /// Values of units.
-    Values,
     /// Layouts of values.
     Layouts,
+    /// Values of units, in the stream of this number.
+    Values(u32),
 }
 
 /// The reason why an operation on a coupling failed.
@@ -69,6 +71,14 @@ pub enum CouplingError {
         /// Number of units of this rank.
         units: usize,
     },
+    /// The number of weights differs from the number of new units.
+    #[error("{found} weights for {units} new units")]
+    Weights {
+        /// Number of weights given.
+        found: usize,
+        /// Number of units given.
+        units: usize,
+    },
     /// The new order of the units is not a permutation of them.
     #[error("the order of {found} indices is not a permutation of {units} units")]
     Permutation {
@@ -99,6 +109,9 @@ pub enum CouplingError {
     },
 }
 
+/// The streams of values of a coupling that have a tag each; others share one with an earlier stream.
+const STREAMS: u32 = 61;
+
 /// The side of a coupling.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
@@ -115,6 +128,8 @@ pub struct Coupling<C: Comm> {
     pub(super) comm: C,
     /// Distinguishes the messages of this coupling from those of other couplings of the two scales.
     number: u32,
+    /// The number of channels created so far, also for inverses and deltas; both sides count equally.
+    channels: Arc<AtomicU32>,
     /// The communicator of this side.
     pub(super) local_comm: C,
     pub(super) role: Role,
@@ -146,6 +161,9 @@ impl<C: Comm> Coupling<C> {
         let mut coupling = Self::empty(scales, producer, consumer)?;
         match coupling.role {
             Role::Producer => drop(coupling.add(units, weights, partitioner)?),
+            Role::Consumer if !(units.is_empty() && weights.is_empty()) => {
+                return Err(CouplingError::Role(consumer.to_owned(), "producer"));
+            }
             Role::Consumer => drop(coupling.reconcile_added()?),
         }
         Ok(coupling)
@@ -167,7 +185,8 @@ impl<C: Comm> Coupling<C> {
         };
         let (comm, number) = (scales.world().clone(), scales.next_coupling(first, second));
         let (local_comm, remote_ranks) = (scales.comm().clone(), scales.ranks(remote).to_vec());
-        Ok(Self { comm, number, local_comm, role, names, remote_ranks, map: UnitMap::default() })
+        let (channels, map) = Default::default();
+        Ok(Self { comm, number, channels, local_comm, role, names, remote_ranks, map })
     }
 
     /// Returns the side of this rank.
@@ -234,7 +253,7 @@ impl<C: Comm> Coupling<C> {
         let ones = vec![1.0; units.len()];
         let weights = if weights.is_empty() { &ones } else { weights };
         if weights.len() != units.len() {
-            return Err(CouplingError::Values { found: weights.len(), units: units.len() });
+            return Err(CouplingError::Weights { found: weights.len(), units: units.len() });
         }
         let mut distribution = Distribution::assemble(&self.local_comm, weights).map_err(|error| self.failed(error))?;
         distribution.held = self.held().map_err(|error| self.failed(error))?;
@@ -374,10 +393,21 @@ impl<C: Comm> Coupling<C> {
         Ok(table)
     }
 
+    /// Returns the number of a new channel.
+    pub(super) fn next_channel(&self) -> u32 {
+        self.channels.fetch_add(1, Ordering::Relaxed)
+    }
+
     pub(super) fn tag(&self, kind: MessageKind) -> Tag {
         /// Smaller tags are reserved for messages between scales.
         const FIRST: u32 = 16;
-        Tag(FIRST + 4 * self.number + kind as u32)
+        let kind = match kind {
+            MessageKind::Lists => 0,
+            MessageKind::Roots => 1,
+            MessageKind::Layouts => 2,
+            MessageKind::Values(stream) => 3 + stream % STREAMS,
+        };
+        Tag(FIRST + (3 + STREAMS) * self.number + kind)
     }
 
     pub(super) fn must_be(&self, role: Role) -> Result<(), CouplingError> {

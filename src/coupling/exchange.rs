@@ -9,8 +9,13 @@ use crate::las::{Comm, CommError, Message, Payload, ReceiveRequest, SendRequest}
 
 /// Transfers values of one type over couplings of two scales: the coupling that it was created for, its inverse, its
 /// deltas and its later states. Reuses the buffers of its messages.
+///
+/// Each channel is a stream of its own: what one sends, only the same one of the other side receives, in the order of the
+/// sends. From the 62nd channel of a coupling on, channels share the streams of earlier ones.
 #[derive(Debug)]
 pub struct Channel<T> {
+    /// The number of the stream.
+    stream: u32,
     spare: Vec<Message>,
     /// Number of bytes sent so far.
     sent: u64,
@@ -35,7 +40,8 @@ pub struct PendingReceive<C: Comm> {
 }
 
 impl<T: Payload> Channel<T> {
-    /// Creates a channel and checks that both sides use the same layout. Collective over both scales.
+    /// Creates a channel and checks that both sides use the same layout. Collective over both scales: create several
+    /// channels of a coupling in the same order on both.
     ///
     /// # Errors
     /// Returns [`CouplingError::Layout`] on all ranks if the layouts differ.
@@ -47,7 +53,13 @@ impl<T: Payload> Channel<T> {
             let [producer, consumer] = coupling.names.clone();
             return Err(CouplingError::Layout { producer, consumer, local, remote });
         }
-        Ok(Self { spare: Vec::new(), sent: 0, waited: Duration::ZERO, of: PhantomData })
+        Ok(Self {
+            stream: coupling.next_channel(),
+            spare: Vec::new(),
+            sent: 0,
+            waited: Duration::ZERO,
+            of: PhantomData,
+        })
     }
 
     /// Returns the number of bytes of values sent so far.
@@ -72,7 +84,7 @@ impl<T: Payload> Channel<T> {
             let message = self.gather(&neighbor.indices, values);
             self.sent += message.len() as u64;
             let to = coupling.remote_ranks[neighbor.rank];
-            let sending = coupling.comm.start_send(to, coupling.tag(MessageKind::Values), message);
+            let sending = coupling.comm.start_send(to, coupling.tag(MessageKind::Values(self.stream)), message);
             sendings.push(sending.map_err(|error| coupling.failed(error))?);
         }
         Ok(PendingSend { sendings })
@@ -124,7 +136,7 @@ impl<T: Payload> Channel<T> {
         };
         let parcels: Vec<(usize, &[u8])> = neighbors.iter().map(parcel).collect();
         self.sent += parcels.iter().map(|(_, bytes)| bytes.len() as u64).sum::<u64>();
-        let sent = coupling.comm.send_bytes(coupling.tag(MessageKind::Values), &parcels);
+        let sent = coupling.comm.send_bytes(coupling.tag(MessageKind::Values(self.stream)), &parcels);
         self.spare.extend(messages);
         sent.map_err(|error| coupling.failed(error))
     }
@@ -136,7 +148,7 @@ impl<T: Payload> Channel<T> {
     pub fn receive<C: Comm>(&mut self, coupling: &Coupling<C>, values: &mut [T]) -> Result<(), CouplingError> {
         coupling.must_have(Role::Consumer, values.len())?;
         for neighbor in &coupling.map.neighbors {
-            let (from, tag) = (coupling.remote_ranks[neighbor.rank], coupling.tag(MessageKind::Values));
+            let (from, tag) = (coupling.remote_ranks[neighbor.rank], coupling.tag(MessageKind::Values(self.stream)));
             let start = Instant::now();
             coupling.comm.wait_for(from, tag).map_err(|error| coupling.failed(error))?;
             self.waited += start.elapsed();
@@ -191,7 +203,8 @@ impl<T: Payload> Channel<T> {
         for neighbor in &coupling.map.neighbors {
             let (from, len) = (coupling.remote_ranks[neighbor.rank], size_of::<T>() * neighbor.indices.len());
             let memory = self.spare.pop().unwrap_or_default();
-            let receiving = coupling.comm.start_receive(from, coupling.tag(MessageKind::Values), len, memory);
+            let receiving =
+                coupling.comm.start_receive(from, coupling.tag(MessageKind::Values(self.stream)), len, memory);
             receivings.push(receiving.map_err(|error| coupling.failed(error))?);
         }
         Ok(PendingReceive { receivings, changes: coupling.map.changes })

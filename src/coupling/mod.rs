@@ -50,6 +50,27 @@
 //! # Ok::<(), thread::Failed>(())
 //! ```
 //!
+//! # The same on processes
+//!
+//! A function of a rank that is generic over [`Comm`] runs on threads ([`thread::run`]) and, with the feature `mpi`, on the
+//! processes that `mpirun` started (`mpi::run`). There, a rank that fails ends all processes; the second argument returns
+//! the exit code for its error.
+//!
+//! ```no_run
+//! use std::error::Error;
+//! use biotissue::coupling::{Comm, Plan, Scales, Share};
+//!
+//! fn on_rank<C: Comm>(comm: &C) -> Result<(), Box<dyn Error>> {
+//!     let plan = Plan::default().with("body", Share::Count(1)).with("cells", Share::Ratio(1.0));
+//!     let scales = Scales::new(comm, &plan)?;
+//!     println!("rank {} belongs to {}", comm.rank(), scales.name(scales.own()));
+//!     Ok(())
+//! }
+//!
+//! # #[cfg(feature = "mpi")]
+//! biotissue::coupling::mpi::run(|comm| on_rank(&comm), |_error| 1);
+//! ```
+//!
 //! After chapter 2 of W. R. Tobin, *The Adaptive Multiscale Simulation Infrastructure* (RPI 2018).
 
 pub mod balance;
@@ -72,5 +93,7 @@ pub use plan::{Plan, PlanError, Share};
 pub use scale::{Main, ScaleError, Scales};
 
 // Re-exports ranks and messages, so that users of couplings need no other module.
+#[cfg(feature = "mpi")]
+pub use crate::backends::comm::mpi;
 pub use crate::backends::comm::thread;
 pub use crate::las::{Comm, CommError, Layout, Message, Payload, bytemuck};

@@ -44,14 +44,16 @@ fn fill(held: &[usize], units: usize) -> Vec<usize> {
 }
 
 /// Distributes units by weight: cuts the sequence of all weights into one interval of equal length per rank, and
-/// assigns each unit to the interval that contains its midpoint. Units already held are not taken into account.
+/// assigns each unit to the interval that contains its midpoint. Units already held are not taken into account. If a weight
+/// is negative or not finite, or all are zero, it distributes by number as [`EvenPartition`] does.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct WeightedPartition;
 
 impl Partitioner for WeightedPartition {
     fn partition(&self, distribution: &Distribution, rank: usize, consumers: usize) -> Vec<usize> {
         let all = distribution.weight();
-        if all <= 0.0 || !all.is_finite() {
+        let has_negative = distribution.weights.iter().flatten().any(|&weight| weight < 0.0);
+        if all <= 0.0 || !all.is_finite() || has_negative {
             return EvenPartition.partition(distribution, rank, consumers);
         }
         // Adds in the order of the ranks, so that every rank computes the same sums.
@@ -126,5 +128,10 @@ mod tests {
         assert_eq!(WeightedPartition.partition(&distribution, 1, 2), [1]);
         let nothing = Distribution { counts: vec![4], weights: vec![vec![0.0; 4]], held: Vec::new() };
         assert_eq!(WeightedPartition.partition(&nothing, 0, 2), [0, 0, 1, 1]);
+        for wrong in [-3.0, f64::NAN, f64::INFINITY] {
+            let weights = vec![vec![5.0, wrong, 1.0, 1.0]];
+            let distribution = Distribution { counts: vec![4], weights, held: Vec::new() };
+            assert_eq!(WeightedPartition.partition(&distribution, 0, 2), [0, 0, 1, 1], "{wrong}");
+        }
     }
 }

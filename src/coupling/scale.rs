@@ -123,16 +123,25 @@ impl<C: Comm> Scales<C> {
     }
 
     /// Returns the name of a scale.
+    ///
+    /// # Panics
+    /// Panics if there is no scale of this number.
     pub fn name(&self, scale: usize) -> &str {
         &self.names[scale]
     }
 
     /// Returns the world ranks of a scale, ordered by their rank in the scale.
+    ///
+    /// # Panics
+    /// Panics if there is no scale of this number.
     pub fn ranks(&self, scale: usize) -> &[usize] {
         &self.ranks[scale]
     }
 
     /// Returns the rank in a scale of a world rank, or `None` if it belongs to another scale.
+    ///
+    /// # Panics
+    /// Panics if there is no scale of this number.
     pub fn rank_in(&self, scale: usize, rank: usize) -> Option<usize> {
         self.ranks[scale].iter().position(|&other| other == rank)
     }

@@ -247,7 +247,7 @@ impl Sparsity {
     pub fn find(&self, row: usize, column: usize) -> Option<usize> {
         let start = *self.row_offsets.get(row)? as usize;
         let end = *self.row_offsets.get(row + 1)? as usize;
-        self.columns[start..end].binary_search(&(column as u32)).ok().map(|k| start + k)
+        self.columns[start..end].binary_search_by(|&at| (at as usize).cmp(&column)).ok().map(|k| start + k)
     }
 
     /// Returns true if the pattern is square and contains `(j, i)` for every entry `(i, j)`.

@@ -323,3 +323,39 @@ fn input_that_does_not_fit_is_refused() {
         Multigrid::new(empty_row.matrix.pattern(), Symmetry::Definite, MultigridParams::default()).unwrap();
     assert_eq!(multigrid.set_up(&empty_row.matrix), Err(SolveError::ZeroDiagonal { row: 7 }));
 }
+
+/// What is not finite neither passes for a solution nor for a singular matrix.
+#[test]
+fn numbers_that_are_not_finite_do_not_vanish() {
+    let system = cube(4);
+    let pattern = system.matrix.pattern();
+    let n = pattern.rows();
+    let mut multigrid = Multigrid::new(pattern, Symmetry::Definite, MultigridParams::default()).unwrap();
+    multigrid.set_near_null_space(&system.near_null_space).unwrap();
+    multigrid.set_up(&system.matrix).unwrap();
+    for wrong in [f64::NAN, -f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+        let (mut x, mut y) = (right_hand_side(n), Vector::from(vec![0.0; n]));
+        x.as_mut_slice()[n / 2] = wrong;
+        multigrid.apply(&x, &mut y).unwrap();
+        assert!(y.as_slice().iter().all(|y| y.is_nan()), "{wrong}");
+        let mut bad = system.matrix.clone();
+        MatrixOps::<Sparse>::add(&mut bad, &[20], &[20], &[wrong]).unwrap();
+        assert_eq!(multigrid.set_up(&bad), Err(SolveError::NotFinite { row: 20 }));
+        assert_eq!(multigrid.apply(&x, &mut y), Err(SolveError::NotFactored));
+        multigrid.set_up(&system.matrix).unwrap();
+    }
+}
+
+#[test]
+fn a_negative_diagonal_is_indefinite() {
+    let system = cube(4);
+    let mut negative = system.matrix.clone();
+    negative.values_mut().iter_mut().for_each(|value| *value = -*value);
+    let cg = Iterative { preconditioner: Preconditioner::Multigrid, ..Iterative::new(Krylov::Cg) };
+    let mut solver = solver(&system, &SolverParams::new(Symmetry::Definite).iterative(cg));
+    assert!(matches!(solver.factor_definite(&negative), Err(SolveError::Indefinite { .. })));
+    let n = negative.pattern().rows();
+    let refused = solver.solve(&right_hand_side(n), &mut Vector::from(vec![0.0; n]));
+    assert!(matches!(refused, Err(SolveError::NotFactored)), "{refused:?}");
+    solver.factor_definite(&system.matrix).unwrap();
+}

@@ -194,6 +194,56 @@ static void products(void) {
     OK(las_destroy_sparse(las));
 }
 
+/* Multigrid with the one motion on which a chain that is hardly held has almost no force. */
+static void multigrid(void) {
+    struct las_sparse *las = NULL;
+    struct las_mat_sparse *k = NULL;
+    struct las_vec_sparse *f = NULL, *x = NULL, *motion = NULL, *other = NULL;
+    struct las_solver_sparse *solver = NULL;
+    struct las_pattern *pattern = chain();
+    struct las_params params;
+    OK(las_create_sparse(&las));
+    OK(las_create_mat_sparse(las, pattern, &k));
+    OK(las_create_vec_sparse(las, N, &f));
+    OK(las_create_vec_sparse(las, N, &x));
+    OK(las_create_vec_sparse(las, N, &motion));
+    OK(las_create_vec_sparse(las, N + 1, &other));
+    for (int spring = 0; spring < N; ++spring) {
+        int ends[2] = {spring - 1, spring}, row[1] = {spring};
+        double one[1] = {1};
+        OK(las_add_mat_sparse(k, 2, ends, 2, ends, SPRING));
+        OK(las_set_vec_sparse(motion, 1, row, one));
+        OK(las_set_vec_sparse(f, 1, row, one));
+    }
+    OK(las_finish_mat_sparse(k));
+    OK(las_default_params(&params));
+    params.method = LAS_CG;
+    params.preconditioner = LAS_MULTIGRID;
+    OK(las_create_solver_sparse(las, pattern, &params, &solver));
+    const struct las_vec_sparse *motions[1] = {motion}, *others[1] = {other};
+    CHECK(las_set_near_null_space_sparse(solver, 1, others) == LAS_SIZE);
+    CHECK(las_set_near_null_space_sparse(solver, 1, NULL) == LAS_NULL);
+    OK(las_set_near_null_space_sparse(solver, 1, motions));
+    OK(las_destroy_vec_sparse(motion));
+    OK(las_factor_sparse(solver, k));
+    double residual = 1;
+    OK(las_solve_sparse(solver, f, x, NULL, &residual));
+    CHECK(residual <= 1e-10);
+    OK(las_update_sparse(solver, k));
+    OK(las_set_tolerance_sparse(solver, 2));
+    CHECK(las_solve_sparse(solver, f, x, NULL, NULL) == LAS_ARGUMENT);
+    OK(las_set_tolerance_sparse(solver, 1e-4));
+    OK(las_solve_sparse(solver, f, x, NULL, &residual));
+    CHECK(residual <= 1e-4);
+    OK(las_destroy_solver_sparse(solver));
+    OK(las_destroy_vec_sparse(other));
+    OK(las_destroy_vec_sparse(x));
+    OK(las_destroy_vec_sparse(f));
+    OK(las_destroy_mat_sparse(k));
+    OK(las_destroy_pattern(pattern));
+    OK(las_destroy_sparse(las));
+}
+
 static void errors(void) {
     struct las_sparse *las = NULL;
     struct las_vec_sparse *x = NULL, *y = NULL;
@@ -219,7 +269,7 @@ static void errors(void) {
     CHECK(las_dot_sparse(x, y, &value) == LAS_SIZE);
     CHECK(las_axpy_sparse(1, x, x) == LAS_SIZE);
     CHECK(las_norm_sparse(x, NULL) == LAS_NULL);
-    CHECK(las_create_pattern(2, 3, start, columns, &pattern) == LAS_SIZE && pattern == NULL);
+    CHECK(las_create_pattern(2, 3, start, columns, &pattern) == LAS_INDEX && pattern == NULL);
     columns[1] = 1;
     OK(las_create_pattern(2, 2, start, columns, &pattern));
     OK(las_create_mat_sparse(las, pattern, &k));
@@ -275,6 +325,7 @@ int main(void) {
         CHECK(fabs(sparse[i] - dense[i]) < 1e-10);
     }
     products();
+    multigrid();
     errors();
     printf("%d checks failed\n", failures);
     return failures != 0;

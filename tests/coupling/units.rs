@@ -14,6 +14,11 @@ fn different_layouts_are_rejected_on_both_sides() {
 }
 
 #[test]
+fn channels_are_separate_streams() {
+    on_all(units::channels_are_separate_streams);
+}
+
+#[test]
 fn invalid_calls_are_errors() {
     on_all(units::invalid_calls_are_errors);
 }

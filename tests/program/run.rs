@@ -159,7 +159,7 @@ fn check_warns_of_floppy_networks_without_a_matrix_or_with_a_soft_one() {
     write_case(folder.path(), "case.toml", &fibers("chain.txt"));
     let checked = line(folder.path(), "check case.toml --json");
     assert_eq!(checked.object()["floppy_networks"], serde_json::json!(["chain.txt"]));
-    let warning = "warning: case.toml:5: region \"*\": 1 of 1 networks has motions that no fiber resists, and no matrix resists \
+    let warning = "warning: case.toml:5: region \"*\": the network has motions that no fiber resists, and no matrix resists \
                    them either: chain.txt; ";
     assert!(checked.stderr.starts_with(warning), "{}", checked.stderr);
     assert_eq!(checked.stderr.matches("warning: ").count(), 1, "{}", checked.stderr);
@@ -171,7 +171,7 @@ fn check_warns_of_floppy_networks_without_a_matrix_or_with_a_soft_one() {
     };
     with_matrix(1e3);
     let soft = line(folder.path(), "check case.toml");
-    let warning = "1 of 1 networks has motions that no fiber resists, and the matrix, about 2600 Pa, is too soft beside the fibers, \
+    let warning = "the network has motions that no fiber resists, and the matrix, about 2600 Pa, is too soft beside the fibers, \
                    about 5.0e4 Pa, to resist them: chain.txt; ";
     assert!(soft.stderr.contains(warning), "{}", soft.stderr);
     let measured = line(folder.path(), "check case.toml --measure --json").object();
@@ -232,8 +232,7 @@ fn a_floppy_network_runs_and_is_reported() {
     for options in ["", "--ranks 3"] {
         let done = run(folder.path(), &fibers("chain.txt"), options);
         done.done();
-        let warning =
-            "1 of 1 networks has motions that no fiber resists, and no matrix resists them either: chain.txt; ";
+        let warning = "the network has motions that no fiber resists, and no matrix resists them either: chain.txt; ";
         assert!(done.stderr.starts_with(&format!("warning: case.toml:5: region \"*\": {warning}")), "{}", done.stderr);
         assert_eq!(done.stderr.matches("no fiber resists").count(), 1, "{}", done.stderr);
     }

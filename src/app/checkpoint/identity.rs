@@ -114,6 +114,14 @@ impl Identity {
     }
 }
 
+/// Returns true if a run of case `now` can continue one of case `before`, as far as the cases show: if they differ in nothing
+/// but settings.
+pub(in crate::app) fn is_same_run(before: &Case, now: &Case) -> bool {
+    let (before, now) = (text_of(before), text_of(now));
+    let ((before, _), (now, _)) = (without_optional(&before), without_optional(&now));
+    differences(&before, &now).iter().all(|of| is_setting(of.section, of.before, of.now))
+}
+
 /// The case as TOML, reduced to the entries that the results depend on.
 fn text_of(case: &Case) -> String {
     let mut case = case.clone();

@@ -33,6 +33,7 @@ use std::path::{Path, PathBuf};
 use thiserror::Error;
 
 pub use body_pieces::BodyStatePiece;
+pub(in crate::app) use identity::is_same_run;
 pub use identity::{Identity, Mismatch, hash_of_fields, hash_of_mesh};
 
 use super::results::{CHECKPOINT_FOLDER, ResultsError, ResultsRecord, names_in, remove_as};

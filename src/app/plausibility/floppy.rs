@@ -153,7 +153,12 @@ fn message(floppy: &[&Arc<Network>], networks: usize, stiffness: &Stiffness) -> 
         more => format!(" and {more} more"),
     };
     let listed = floppy.iter().take(MOST_NAMES).map(|network| network.name()).collect::<Vec<_>>().join(", ");
-    let has = if floppy.len() == 1 { "has" } else { "have" };
+    let which = match (floppy.len(), networks) {
+        (1, 1) => "the network has".to_owned(),
+        (1, _) => format!("1 of {networks} networks has"),
+        (all, _) if all == networks => format!("all {networks} networks have"),
+        (some, _) => format!("{some} of {networks} networks have"),
+    };
     let (resistance, matrix) = match (stiffness.formula, stiffness.fibers) {
         (Some([matrix, _]), Some([_, fibers])) => (
             format!(
@@ -176,9 +181,8 @@ fn message(floppy: &[&Arc<Network>], networks: usize, stiffness: &Stiffness) -> 
         format!("{matrix}, or use networks with more fibers per node")
     };
     format!(
-        "{} of {networks} networks {has} motions that no fiber resists, {resistance}: {listed}{more}; such equilibria take long to \
-         find, or are not found: {cures}",
-        floppy.len()
+        "{which} motions that no fiber resists, {resistance}: {listed}{more}; such equilibria take long to find, or are not found: \
+         {cures}"
     )
 }
 

@@ -191,14 +191,6 @@ pub(in crate::app) fn check_case(dir: &Path, case: &Case) -> Result<(), ResultsE
     if file.is_file() { Err(ResultsError::OtherCase(dir.to_owned(), file)) } else { Ok(()) }
 }
 
-/// Returns true if this is the copy of the case, whatever the name of its file was.
-fn is_copy_of(case: &Case, copy: &str) -> bool {
-    let is_copied = |line: &&str| !line.starts_with(FILE_LINE);
-    below_checksum(copy).is_some_and(|(below, is_as_written)| {
-        is_as_written && below.lines().filter(is_copied).eq(case.to_toml().lines())
-    })
-}
-
 fn is_case_copy(bytes: Bytes, path: &Path) -> bool {
     let Ok(text) = std::str::from_utf8(bytes) else { return false };
     if let Some((below, is_as_written)) = below_checksum(text) {
@@ -247,7 +239,8 @@ pub(in crate::app) fn is_report(path: &Path) -> Result<bool, ResultsError> {
 }
 
 /// Returns the evidence that `dir`, which has no checkpoint, holds results nevertheless: a file and its content. A run
-/// of the same case that was interrupted before its first checkpoint leaves no such evidence: resuming repeats its steps.
+/// of the same case, up to what may change, that was interrupted before its first checkpoint leaves no such evidence:
+/// resuming repeats its steps.
 ///
 /// # Errors
 /// Returns [`ResultsError::Read`] or [`ResultsError::Damaged`] if the loads, the log or a folder cannot be read.
@@ -258,10 +251,12 @@ pub(in crate::app) fn results_without_checkpoint(
     let (loads, log) = (dir.join(LOADS_FILE), dir.join(LOG_FILE));
     let rows = if loads.exists() { Loads::read(&loads)?.rows.len() } else { 0 };
     let events = if log.exists() { log::read(&log)? } else { Vec::new() };
-    let same_case = || fs::read_to_string(dir.join(CASE_FILE)).is_ok_and(|text| is_copy_of(case, &text));
+    let copy = dir.join(CASE_FILE);
+    let before = fs::read_to_string(&copy).ok().and_then(|text| Case::parse(&text, &copy).ok()).map(|read| read.case);
+    let before = before.filter(|before| checkpoint::is_same_run(before, case));
     let begun = events.iter().any(|event| matches!(event, Event::Start(_)));
     // The first checkpoint is written after the row of its step.
-    let repeated = if begun && same_case() { case.output.checkpoint } else { 0 };
+    let repeated = before.filter(|_| begun).map_or(0, |before| before.output.checkpoint);
     let holds = |steps: usize| format!("{steps} load step{}", if steps == 1 { "" } else { "s" });
     if rows > repeated {
         return Ok(Some((loads, holds(rows))));

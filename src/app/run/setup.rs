@@ -349,7 +349,9 @@ fn idle_ranks(case: &Case, mesh: &Mesh, [of_body, of_rves]: [usize; 2]) -> Optio
     (of_rves > points.max(1)).then(|| {
         let rves = if points == 0 { "none".to_owned() } else { format!("at most {points}") };
         let (file, ranks) = (case.file.display(), of_body + of_rves);
-        format!("{file}: {of_rves} of {ranks} ranks are for RVEs, of which the case has {rves}: fewer ranks are as fast")
+        format!(
+            "{file}: {of_rves} of {ranks} ranks are for RVEs, of which the case has {rves}: fewer ranks are as fast"
+        )
     })
 }
 

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::multigrid::DeviceMultigrid;
 use super::{Cuda, CudaError, Device, Failure, Matrix, Vector};
-use crate::backends::checks::{check_analyzable, check_columns, check_pattern};
+use crate::backends::checks::{check_analyzable, check_columns, check_finite, check_pattern};
 use crate::backends::iterative::{ApproximateInverse, IterativeSolver, SimplePreconditioner};
 use crate::backends::local;
 use crate::backends::sparse::{self, Sparse};
@@ -86,11 +86,16 @@ impl Solver {
     fn check(&self, a: &Matrix) -> Result<(), Failure> {
         let expected = &self.symbolic.pattern;
         check_pattern(a.pattern(), expected)?;
-        if local::all_finite(a.values()) {
-            return Ok(());
+        check_finite(expected, a.values(), local::all_finite)
+    }
+
+    /// Checks the next matrix. An iterative method that has an earlier one solves no more with it if this one is of no use.
+    fn check_next(&mut self, a: &Matrix) -> Result<(), Failure> {
+        let checked = self.check(a);
+        match &mut self.iterative {
+            Some(iterative) => iterative.unless_invalid(checked),
+            None => checked,
         }
-        let bad = a.values().iter().position(|value| !value.is_finite()).unwrap_or(0);
-        Err(SolveError::NotFinite { row: expected.row_offsets()[1..].partition_point(|&end| end as usize <= bad) })
     }
 
     /// Factors a matrix on the host; after an iterative method failed, with a solver made on first use.
@@ -128,7 +133,7 @@ impl Solver {
 impl crate::las::Solver<Cuda> for Solver {
     fn factor(&mut self, a: &Matrix) -> Result<FactorReport, Failure> {
         self.is_direct = false;
-        self.check(a)?;
+        self.check_next(a)?;
         let Some(iterative) = &mut self.iterative else { return self.factor_directly(a) };
         match iterative.factor(a) {
             Err(_) if self.symbolic.params.fallback => self.factor_directly(a),
@@ -142,7 +147,7 @@ impl crate::las::Solver<Cuda> for Solver {
         }
         // A direct method replaces the iterative one until the next `factor`.
         let was_direct = std::mem::take(&mut self.is_direct);
-        self.check(a)?;
+        self.check_next(a)?;
         if was_direct {
             return self.factor_directly(a);
         }
@@ -169,7 +174,7 @@ impl crate::las::Solver<Cuda> for Solver {
 
     fn factor_definite(&mut self, a: &Matrix) -> Result<FactorReport, Failure> {
         self.is_direct = false;
-        self.check(a)?;
+        self.check_next(a)?;
         if let Some(iterative) = &mut self.iterative {
             return iterative.factor_definite(a);
         }

@@ -104,6 +104,15 @@ impl<T: DenseScalar> Solver<T> {
         Err(SolveError::NotFinite { row: bad / a.cols })
     }
 
+    /// Checks the next matrix. An iterative method that has an earlier one solves no more with it if this one is of no use.
+    fn check_next(&mut self, a: &Matrix<T>) -> Result<(), Failure> {
+        let checked = self.check(a);
+        match &mut self.iterative {
+            Some(iterative) => iterative.unless_invalid(checked),
+            None => checked,
+        }
+    }
+
     /// Factors by Cholesky.
     fn factor_cholesky(&mut self, a: &Matrix<T>) -> Result<Pivots, NotPositiveDefinite> {
         let n = self.symbolic.unknowns;
@@ -190,7 +199,7 @@ impl<T: DenseScalar> Solver<T> {
     /// See [`crate::las::Solver::factor`].
     fn factor_any(&mut self, a: &Matrix<T>) -> Result<FactorReport, Failure> {
         self.active = None;
-        self.check(a)?;
+        self.check_next(a)?;
         let Some(iterative) = &mut self.iterative else { return self.factor_checked(a) };
         match iterative.factor(a) {
             Err(_) if self.symbolic.params.fallback => self.fall_back(a),
@@ -215,7 +224,7 @@ impl<T: DenseScalar> Solver<T> {
     /// See [`crate::las::Solver::factor_definite`].
     fn factor_only_definite(&mut self, a: &Matrix<T>) -> Result<FactorReport, Failure> {
         self.active = None;
-        self.check(a)?;
+        self.check_next(a)?;
         if let Some(iterative) = &mut self.iterative {
             return iterative.factor_definite(a);
         }

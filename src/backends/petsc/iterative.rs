@@ -119,6 +119,7 @@ impl ByIterations {
         if !self.is_ready {
             return Err(SolveError::NotFactored);
         }
+        self.method.check().map_err(SolveError::Parameter)?;
         let outcome = self.solve_once(a, b, x);
         let Err(SolveError::NotConverged { iterations: wasted, .. }) = outcome else { return outcome };
         // Without another preconditioner, the method has not converged.

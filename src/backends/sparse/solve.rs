@@ -11,7 +11,9 @@ use super::cholesky::{Cholesky, Ldlt, solve_scratch};
 use super::lu::Lu;
 use super::preconditioner::preconditioner;
 use super::{Failure, Matrix, Sparse, Symbolic, Vector};
-use crate::backends::checks::{check_columns, check_pattern, definite, immediate_singular_limit, singular_limit};
+use crate::backends::checks::{
+    check_columns, check_finite, check_pattern, definite, immediate_singular_limit, singular_limit,
+};
 use crate::backends::direct::{NotPositiveDefinite, Pivots, Scratch, impl_direct_solver};
 use crate::backends::iterative::IterativeSolver;
 use crate::backends::null_vector::{check_near_singular, checked_report};
@@ -109,11 +111,16 @@ impl<T: SparseScalar> Solver<T> {
     fn check(&self, a: &Matrix<T>) -> Result<(), Failure> {
         let expected = &self.symbolic.pattern;
         check_pattern(a.pattern(), expected)?;
-        if long::all_finite(a.values()) {
-            return Ok(());
+        check_finite(expected, a.values(), long::all_finite)
+    }
+
+    /// Checks the next matrix. An iterative method that has an earlier one solves no more with it if this one is of no use.
+    fn check_next(&mut self, a: &Matrix<T>) -> Result<(), Failure> {
+        let checked = self.check(a);
+        match &mut self.iterative {
+            Some(iterative) => iterative.unless_invalid(checked),
+            None => checked,
         }
-        let bad = a.values().iter().position(|value| !value.is_finite()).unwrap_or(0);
-        Err(SolveError::NotFinite { row: expected.row_offsets()[1..].partition_point(|&end| end as usize <= bad) })
     }
 
     fn factor_checked(&mut self, a: &Matrix<T>) -> Result<FactorReport, Failure> {
@@ -276,7 +283,7 @@ impl<T: SparseScalar> Solver<T> {
     /// See [`crate::las::Solver::factor`].
     fn factor_any(&mut self, a: &Matrix<T>) -> Result<FactorReport, Failure> {
         self.active = None;
-        self.check(a)?;
+        self.check_next(a)?;
         let Some(iterative) = &mut self.iterative else { return self.factor_checked(a) };
         match iterative.factor(a) {
             Err(_) if self.symbolic.params.fallback => self.fall_back(a),
@@ -291,7 +298,7 @@ impl<T: SparseScalar> Solver<T> {
         }
         // A direct method replaces the iterative one until the next `factor`.
         let is_direct = self.active.take().is_some();
-        self.check(a)?;
+        self.check_next(a)?;
         if is_direct {
             return self.fall_back(a);
         }
@@ -313,7 +320,7 @@ impl<T: SparseScalar> Solver<T> {
     /// See [`crate::las::Solver::factor_definite`].
     fn factor_only_definite(&mut self, a: &Matrix<T>) -> Result<FactorReport, Failure> {
         self.active = None;
-        self.check(a)?;
+        self.check_next(a)?;
         if let Some(iterative) = &mut self.iterative {
             return iterative.factor_definite(a);
         }

@@ -9,7 +9,7 @@ use biotissue::app::results::ResultsError;
 use biotissue::app::run::{ResumeError, SimulationError};
 use biotissue::fem::equilibrium::EquilibriumError;
 use biotissue::fem::stepping::{SetupError, StepFailure};
-use biotissue::las::{NewtonError, SolveError};
+use biotissue::las::{Method, NewtonError, SolveError};
 use biotissue::tissue::micro_scale::{LibraryError, PieceError, PointFailureKind, TissueFieldError};
 
 use crate::failure::Failure;
@@ -160,6 +160,11 @@ fn cure_of_reason<F: std::error::Error + 'static>(
     }
 }
 
+const FLOPPY_NETWORK: &str = "`biotissue network check` shows whether that network is floppy or not connected to the boundary: clean it, or use another";
+
+const ITERATIVE_RVES: &str = "leave `solver` of [micro] out, which means \"direct\", or raise its `tolerance` or its \
+                              `max_iterations`";
+
 fn cure_of_point(error: &TissueFieldError, micro: &RveParams) -> String {
     let TissueFieldError::Point(point) = error else { return "see the error of that rank".into() };
     let default = RveParams::default();
@@ -175,9 +180,8 @@ fn cure_of_point(error: &TissueFieldError, micro: &RveParams) -> String {
         _ => String::new(),
     };
     let cure = match point.kind {
-        PointFailureKind::LinearSystem => {
-            "`biotissue network check` shows whether that network is floppy or not connected to the boundary: clean it, or use another"
-        }
+        PointFailureKind::LinearSystem if micro.solver != Method::Direct => ITERATIVE_RVES,
+        PointFailureKind::LinearSystem => FLOPPY_NETWORK,
         PointFailureKind::Device => {
             "continue with --resume, where `device = \"none\"` in [micro] does without the device"
         }
@@ -239,6 +243,12 @@ pub fn not_set_up<F: std::error::Error + 'static>(of: &CaseHints, error: Simulat
         }
         SimulationError::Setup(setup) if matches!(**setup, SetupError::Undeformed(_)) => {
             return not_at_rest(of, setup);
+        }
+        SimulationError::Library(LibraryError::AtRest(..)) if of.micro.solver != Method::Direct => {
+            ("an undeformed network whose stiffness `solver` of [micro] can solve with", ITERATIVE_RVES)
+        }
+        SimulationError::Library(LibraryError::AtRest(..)) => {
+            ("an undeformed network that resists every deformation", FLOPPY_NETWORK)
         }
         SimulationError::Library(LibraryError::Model { .. }) => (
             "a network whose fibers have a law, a radius and a modulus",

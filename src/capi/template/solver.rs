@@ -22,12 +22,51 @@ pub unsafe extern "C" fn las_destroy_solver_BACKEND(solver: *mut las_solver_BACK
     guarded(|| free(solver))
 }
 
-/// Factors a matrix with the solver's pattern, or computes the preconditioner of an iterative method.
+/// Factors a matrix with the solver's pattern, or computes the preconditioner of an iterative method. If it fails, the
+/// solver has no factorization, not even that of an earlier matrix.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn las_factor_BACKEND(solver: *mut las_solver_BACKEND, mat: *const las_mat_BACKEND) -> i32 {
     guarded(|| {
         let solver = &mut exclusive(solver, "solver")?.0;
         las::Solver::<B>::factor(solver, &shared(mat, "mat")?.0).map(drop).map_err(solve_error)
+    })
+}
+
+/// Does the same as las_factor_BACKEND, but an iterative method may keep the preconditioner of an earlier matrix while it
+/// serves: the next solutions take hardly more iterations.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn las_update_BACKEND(solver: *mut las_solver_BACKEND, mat: *const las_mat_BACKEND) -> i32 {
+    guarded(|| {
+        let solver = &mut exclusive(solver, "solver")?.0;
+        las::Solver::<B>::update(solver, &shared(mat, "mat")?.0).map(drop).map_err(solve_error)
+    })
+}
+
+/// Sets the norm of the residual over that of the right-hand side at which an iterative method stops in the next
+/// solutions, which return LAS_ARGUMENT if it is not above 0 and below 1. A direct method ignores it.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn las_set_tolerance_BACKEND(solver: *mut las_solver_BACKEND, tolerance: f64) -> i32 {
+    guarded(|| {
+        las::Solver::<B>::set_tolerance(&mut exclusive(solver, "solver")?.0, tolerance);
+        Ok(())
+    })
+}
+
+/// Passes vectors on which the matrix is almost zero to LAS_MULTIGRID, for the next factorization: for elasticity, the six
+/// rigid motions, without which it takes many iterations. The vectors may be freed afterward. Other methods ignore them.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn las_set_near_null_space_BACKEND(
+    solver: *mut las_solver_BACKEND,
+    vec_count: i32,
+    vec: *const *const las_vec_BACKEND,
+) -> i32 {
+    guarded(|| {
+        let vectors = array(vec, count(vec_count, "vec_count")?, "vec")?;
+        let values = |&vec: &*const las_vec_BACKEND| {
+            shared(vec, "vec[k]")?.0.with_local(<[Scalar]>::to_vec).map_err(backend_error)
+        };
+        let vectors = vectors.iter().map(values).collect::<Result<Vec<_>, Failure>>()?;
+        las::Solver::<B>::set_near_null_space(&mut exclusive(solver, "solver")?.0, &vectors).map_err(solve_error)
     })
 }
 

@@ -123,11 +123,17 @@ impl MigrationPlan {
     }
 
     /// Returns the moves of a rank.
+    ///
+    /// # Panics
+    /// Panics if there is no such rank.
     pub fn of(&self, rank: usize) -> &Moves {
         &self.ranks[rank]
     }
 
     /// Sets the moves of a rank.
+    ///
+    /// # Panics
+    /// Panics if there is no such rank.
     pub fn set(&mut self, rank: usize, moves: Moves) {
         self.ranks[rank] = moves;
     }

@@ -14,7 +14,10 @@ mod tests;
 
 use num_traits::{Float, One, Zero};
 
-use super::{Backend, Failure, Iterative, Krylov, Scalar, SingleLane, SolveError, SolveReport, StopReason, VectorOps};
+use super::{
+    Backend, Failure, Iterative, Krylov, Preconditioner, Scalar, SingleLane, SolveError, SolveReport, StopReason,
+    VectorOps,
+};
 
 /// `y = f(x)`: the product with the matrix or with the preconditioner.
 pub type Apply<'a, B> = &'a mut dyn FnMut(&Vector<B>, &mut Vector<B>) -> Result<(), SolveError<<B as Backend>::Error>>;
@@ -52,7 +55,11 @@ impl<B: SingleLane> KrylovSpace<B> {
     ///
     /// # Errors
     /// Returns the backend's error if it cannot create a vector.
-    pub fn new(context: &B::Context, len: usize, method: Iterative) -> Result<Self, B::Error> {
+    pub fn new(context: &B::Context, len: usize, mut method: Iterative) -> Result<Self, B::Error> {
+        if let Krylov::Gmres { restart } = &mut method.krylov {
+            // There is no basis vector without an iteration.
+            *restart = (*restart).min(method.max_iterations);
+        }
         let (vectors, coefficients) = match method.krylov {
             Krylov::Cg => (cg::VECTORS, 0),
             Krylov::BiCgStab => (bicgstab::VECTORS, 0),
@@ -62,15 +69,26 @@ impl<B: SingleLane> KrylovSpace<B> {
         Ok(Self { method, vectors, coefficients: vec![B::Scalar::default(); coefficients] })
     }
 
-    /// Sets the relative residual at which the next solves stop.
+    /// Sets the relative residual at which the next solves stop, above 0 and below 1.
     pub fn set_tolerance(&mut self, tolerance: f64) {
         self.method.tolerance = tolerance;
+    }
+
+    /// Returns the preconditioner of the method.
+    pub(crate) fn preconditioner(&self) -> Preconditioner {
+        self.method.preconditioner
+    }
+
+    /// Returns a vector that the next solve overwrites.
+    pub(crate) fn scratch(&mut self) -> &mut B::Vector {
+        &mut self.vectors[0]
     }
 
     /// Solves `A x = b` with the matrix `a` and the preconditioner `m`.
     ///
     /// # Errors
-    /// Returns [`SolveError::NotConverged`], [`SolveError::RhsNotFinite`], and the errors of `a` and `m`.
+    /// Returns [`SolveError::NotConverged`], [`SolveError::RhsNotFinite`], [`SolveError::Parameter`] for a tolerance out of
+    /// range, and the errors of `a` and `m`.
     pub fn solve(
         &mut self,
         a: Apply<'_, B>,
@@ -78,6 +96,7 @@ impl<B: SingleLane> KrylovSpace<B> {
         b: &B::Vector,
         x: &mut B::Vector,
     ) -> Result<SolveReport, SolveError<B::Error>> {
+        self.method.check().map_err(SolveError::Parameter)?;
         let Iterative { krylov, tolerance, max_iterations, .. } = self.method;
         VectorOps::zero(x)?;
         let rhs_norm = b.norm()?;

@@ -4,8 +4,8 @@
 use std::sync::Arc;
 
 use crate::las::{
-    Factorization, Iterative, Krylov, MatrixOps, Preconditioner, RealBackend, SolveError, Solver, SolverParams,
-    Sparsity, Symmetry, VectorOps,
+    Backend, FactorReport, Factorization, Iterative, Krylov, MatrixOps, Preconditioner, RealBackend, SolveError,
+    Solver, SolverParams, Sparsity, Symmetry, VectorOps,
 };
 
 const METHODS: [Krylov; 3] = [Krylov::Cg, Krylov::BiCgStab, Krylov::Gmres { restart: 20 }];
@@ -64,6 +64,64 @@ fn agree_with_the_direct_solver<B: RealBackend<Index = i32, Context = ()>>() {
             }
         }
     }
+}
+
+/// A matrix that cannot be factored leaves no earlier one to solve with, nor does a tolerance out of range pass.
+fn a_failed_factorization_discards_the_earlier_one<B: RealBackend<Index = i32, Context = ()>>(with_ilut: bool) {
+    type Fail<B> = fn(
+        &mut <B as Backend>::Solver,
+        &<B as Backend>::Matrix,
+    ) -> Result<FactorReport, SolveError<<B as Backend>::Error>>;
+    let fails: [Fail<B>; 3] = [B::Solver::factor, B::Solver::update, B::Solver::factor_definite];
+    let ((pattern, good), (_, mut bad)) = (laplacian::<B>(5, 0.0), laplacian::<B>(5, 0.0));
+    let n = pattern.rows();
+    bad.add(&[3], &[3], &[f64::NAN]).unwrap();
+    bad.finish().unwrap();
+    let (_, other) = laplacian::<B>(4, 0.0);
+    let (mut b, mut x) = (B::vector(&(), n).unwrap(), B::vector(&(), n).unwrap());
+    b.with_local_mut(|b| b.fill(1.0)).unwrap();
+    let (ilut, restart) = (Preconditioner::Ilut { drop_tolerance: 1e-3, fill: 20 }, 1_000_000);
+    let mut methods = vec![
+        Iterative { preconditioner: Preconditioner::None, ..Iterative::new(Krylov::Gmres { restart }) },
+        Iterative { preconditioner: Preconditioner::Diagonal, ..Iterative::new(Krylov::BiCgStab) },
+        Iterative::new(Krylov::Cg),
+    ];
+    if with_ilut {
+        methods.push(Iterative { preconditioner: ilut, ..Iterative::new(Krylov::BiCgStab) });
+        methods.push(Iterative { preconditioner: Preconditioner::Multigrid, ..Iterative::new(Krylov::Cg) });
+    }
+    for method in methods {
+        let params = SolverParams::new(Symmetry::Definite).iterative(method);
+        let mut solver = B::solver(&B::analyze(&(), &pattern, &params).unwrap()).unwrap();
+        for fail in fails {
+            solver.factor(&good).unwrap();
+            solver.solve(&b, &mut x).unwrap();
+            assert!(matches!(fail(&mut solver, &bad), Err(SolveError::NotFinite { row: 3 })), "{method:?}");
+            assert!(matches!(solver.solve(&b, &mut x), Err(SolveError::NotFactored)), "{method:?}");
+            solver.factor(&good).unwrap();
+            assert!(matches!(fail(&mut solver, &other), Err(SolveError::Size { .. })), "{method:?}");
+            assert!(matches!(solver.solve(&b, &mut x), Err(SolveError::NotFactored)), "{method:?}");
+        }
+        solver.factor(&good).unwrap();
+        for tolerance in [0.0, 1.0, 2.0, -1.0, f64::NAN] {
+            solver.set_tolerance(tolerance);
+            assert!(matches!(solver.solve(&b, &mut x), Err(SolveError::Parameter(_))), "{method:?}: {tolerance}");
+        }
+        solver.set_tolerance(1e-6);
+        solver.solve(&b, &mut x).unwrap();
+    }
+}
+
+#[test]
+#[cfg(feature = "dense")]
+fn dense_discards_a_failed_factorization() {
+    a_failed_factorization_discards_the_earlier_one::<crate::backends::dense::Dense>(false);
+}
+
+#[test]
+#[cfg(feature = "sparse")]
+fn sparse_discards_a_failed_factorization() {
+    a_failed_factorization_discards_the_earlier_one::<crate::backends::sparse::Sparse>(true);
 }
 
 #[test]

@@ -33,7 +33,64 @@ use super::{Backend, FactorReport, MatrixOps, Scalar, SolveError, SolveReport, S
 
 /// The linear system of a Newton iteration, created once and reused for all problems with the same sparsity pattern.
 ///
-/// After convergence the solver still holds the last factorization, which callers may reuse.
+/// An iteration solves `K d = r` with the residual `r` and the Jacobian `K = dr/dx`, and takes the step `x <- x - a d`:
+/// it calls [`NonlinearProblem::advance`] with a negative factor. A line search finds the step length `a`. After
+/// convergence the solver still holds the last factorization, which callers may reuse.
+///
+/// ```
+/// # #[cfg(feature = "sparse")] {
+/// use std::convert::Infallible;
+/// use std::sync::Arc;
+/// use biotissue::backends::sparse::{Matrix, Sparse, Vector};
+/// use biotissue::las::{
+///     Backend, MatrixOps, NewtonParams, NewtonSystem, NonlinearProblem, ResidualScale, SolverParams, Sparsity,
+///     Symmetry, VectorOps,
+/// };
+///
+/// /// A spring whose force is the cube of its extension `x`, under a load.
+/// struct Spring {
+///     x: f64,
+///     saved: f64,
+///     load: f64,
+/// }
+///
+/// impl NonlinearProblem<Sparse> for Spring {
+///     type Error = Infallible;
+///
+///     fn residual(&mut self, r: &mut Vector) -> Result<ResidualScale, Infallible> {
+///         r.set(&[0], &[self.x.powi(3) - self.load])?;
+///         r.finish()?;
+///         Ok(ResidualScale { scale: self.load, floor: 1e-14 })
+///     }
+///
+///     fn jacobian(&mut self, k: &mut Matrix) -> Result<(), Infallible> {
+///         k.add(&[0], &[0], &[3.0 * self.x.powi(2)])?;
+///         k.finish()
+///     }
+///
+///     fn advance(&mut self, a: f64, d: &Vector) -> Result<(), Infallible> {
+///         self.x += a * d.as_slice()[0];
+///         Ok(())
+///     }
+///
+///     fn save(&mut self) {
+///         self.saved = self.x;
+///     }
+///
+///     fn restore(&mut self) {
+///         self.x = self.saved;
+///     }
+/// }
+///
+/// let pattern = Arc::new(Sparsity::full(1, 1));
+/// let symbolic = Sparse::analyze(&(), &pattern, &SolverParams::new(Symmetry::Definite))?;
+/// let mut system = NewtonSystem::<Sparse>::new(&(), &pattern, &symbolic)?;
+/// let mut spring = Spring { x: 1.0, saved: 1.0, load: 8.0 };
+/// let report = system.solve(&mut spring, &NewtonParams::default())?;
+/// assert!((spring.x - 2.0).abs() < 1e-9 && report.iterations < 10);
+/// # }
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug)]
 pub struct NewtonSystem<B: Backend> {
     /// The residual `r`.

@@ -190,10 +190,11 @@ pub enum StopReason {
     /// A restart hardly reduced the residual: it is at the level of rounding errors.
     #[error("rounding errors prevent a smaller residual: raise the tolerance, or use a direct solver")]
     Stagnated,
-    /// The next iterate is undefined; in conjugate gradients because the matrix or the preconditioner is not positive
+    /// The next iterate is undefined: the matrix or the preconditioner is singular or, in conjugate gradients, not positive
     /// definite.
     #[error(
-        "it broke down: conjugate gradients need a positive definite matrix and preconditioner; use another method or preconditioner"
+        "it broke down: the matrix or the preconditioner is singular or, which conjugate gradients need, not positive definite; use \
+         another method or preconditioner"
     )]
     Breakdown,
 }

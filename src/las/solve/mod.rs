@@ -23,7 +23,8 @@ pub(crate) type Failure<B> = SolveError<<B as Backend>::Error>;
 /// On `sparse` and `dense`, Cholesky and LDL^T factorizations and solves allocate memory only in their first call,
 /// unless a small pivot requires the search for a null vector or the number of right-hand sides grows.
 pub trait Solver<B: Backend>: Send {
-    /// Factors `a`, or sets up the preconditioner of an iterative method, and discards the previous factorization.
+    /// Factors `a`, or sets up the preconditioner of an iterative method, and discards the previous factorization, also if
+    /// it fails.
     ///
     /// # Errors
     /// Returns [`SolveError::Singular`], [`SolveError::NotFinite`], [`SolveError::Size`], [`SolveError::Pattern`].
@@ -39,7 +40,8 @@ pub trait Solver<B: Backend>: Send {
         self.factor(a)
     }
 
-    /// Sets the relative residual at which an iterative method stops in the next solves. A direct method ignores it.
+    /// Sets the relative residual at which an iterative method stops in the next solves, which return
+    /// [`SolveError::Parameter`] if it is not above 0 and below 1. A direct method ignores it.
     fn set_tolerance(&mut self, tolerance: f64) {
         let _ = tolerance;
     }
@@ -50,11 +52,11 @@ pub trait Solver<B: Backend>: Send {
     }
 
     /// Passes vectors on which the matrix is almost zero to the preconditioner, for the next [`Solver::factor`]: for
-    /// elasticity, the six rigid motions. Each has the entries of a vector of this rank. Preconditioners other than
-    /// multigrid ignore them.
+    /// elasticity, the six rigid motions. Each has the entries of a vector of this rank. Direct methods and preconditioners
+    /// other than multigrid ignore them.
     ///
     /// # Errors
-    /// Returns [`SolveError::Size`] if the length of a vector is not the number of unknowns.
+    /// With multigrid, returns [`SolveError::Size`] if the length of a vector is not the number of unknowns.
     fn set_near_null_space(&mut self, vectors: &[Vec<B::Scalar>]) -> Result<(), SolveError<B::Error>> {
         let _ = vectors;
         Ok(())
@@ -63,9 +65,10 @@ pub trait Solver<B: Backend>: Send {
     /// Factors `a` if it is positive definite, and stops early otherwise: for callers that modify an indefinite matrix
     /// rather than solve with it.
     ///
-    /// An iterative method detects indefiniteness only through its preconditioner: by the signs of the diagonal, or of
-    /// the pivots of an incomplete factorization. Without a preconditioner it accepts every matrix. On `petsc`, it
-    /// tests the signs of the diagonal with any preconditioner.
+    /// An iterative method detects indefiniteness only through its preconditioner: by the signs of the diagonal
+    /// ([`Preconditioner::Diagonal`], [`Preconditioner::Multigrid`]), or of the pivots of an incomplete factorization.
+    /// Without a preconditioner it accepts every matrix. On `petsc`, it tests the signs of the diagonal with any
+    /// preconditioner.
     ///
     /// # Errors
     /// Returns [`SolveError::Indefinite`] if `a` is not positive definite, and the errors of [`Solver::factor`]; no
@@ -77,7 +80,7 @@ pub trait Solver<B: Backend>: Send {
     ///
     /// # Errors
     /// Returns [`SolveError::NotFactored`], [`SolveError::Size`]; an iterative method also returns
-    /// [`SolveError::NotConverged`] and [`SolveError::RhsNotFinite`].
+    /// [`SolveError::NotConverged`], [`SolveError::RhsNotFinite`] and [`SolveError::Parameter`].
     fn solve(&mut self, b: &B::Vector, x: &mut B::Vector) -> Result<SolveReport, SolveError<B::Error>> {
         self.solve_many(std::slice::from_ref(b), std::slice::from_mut(x))
     }

@@ -36,6 +36,9 @@ pub enum LibraryError {
     /// The network in a file cannot be used as an RVE: the reason.
     #[error("{0}: {1}")]
     Model(PathBuf, String),
+    /// A network has no linear response at rest: its name and the reason.
+    #[error("{0}: no response at rest: {1}")]
+    AtRest(String, String),
     /// The device that should solve the RVEs cannot be used: the reason.
     #[error("the RVEs cannot be solved on a device: {0}")]
     Device(String),
@@ -236,11 +239,10 @@ impl<B: RealBackend> Library<B> {
     /// Returns the linear response of a model at rest.
     ///
     /// # Errors
-    /// Returns [`LibraryError::Model`] if there is none, as for a neutral network.
+    /// Returns [`LibraryError::AtRest`] if there is none, as for a neutral network.
     pub fn at_rest(&self, model: usize) -> Result<SaintVenantKirchhoff, LibraryError> {
         let of = &self.models[model];
-        let none =
-            |reason: String| LibraryError::Model(of.network().name().into(), format!("no response at rest: {reason}"));
+        let none = |reason: String| LibraryError::AtRest(of.network().name().into(), reason);
         let mut workspace = Workspace::new(&self.context, of).map_err(|error| none(error.to_string()))?;
         let mut rve = Rve::at_rest(of.network());
         let tangent = equilibrate(of, &mut rve, &Matrix3::identity(), &self.params, &mut workspace)

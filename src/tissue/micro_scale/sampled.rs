@@ -31,7 +31,7 @@ impl<B: RealBackend> TissueField<B> {
     /// load would create later count as well: what they cost is to be known before.
     ///
     /// # Errors
-    /// Returns [`LibraryError::Model`] if a network has no response at rest.
+    /// Returns [`LibraryError::AtRest`] if a network has no response at rest.
     pub fn sampled(mut self, per_model: usize) -> Result<SampledField<B>, LibraryError> {
         let models = self.units.library().models().len();
         let laws = (0..models).map(|model| self.units.library().at_rest(model)).collect::<Result<_, _>>()?;

@@ -70,12 +70,15 @@ fn a_run_killed_before_its_first_checkpoint_starts_again() {
     assert!(!killed.join("checkpoint").exists());
     let changed = root.path().join("changed");
     copy(&killed, &changed);
-    for other in [text.replace("x = 0.4", "x = 0.3"), every(4)] {
-        let error = simulation(&other).resume(&changed).unwrap_err();
-        assert!(
-            matches!(error, ResumeError::NoCheckpoint { .. }) && error.to_string().contains("5 load steps"),
-            "{error}"
-        );
+    let error = simulation(&text.replace("x = 0.4", "x = 0.3")).resume(&changed).unwrap_err();
+    assert!(matches!(error, ResumeError::NoCheckpoint { .. }) && error.to_string().contains("5 load steps"), "{error}");
+    // What may change at a checkpoint may change before the first one too.
+    for other in [every(4), text.replace("[output]", "[newton]\nsolver = \"direct\"\n[scales]\nmicro = 2\n[output]")] {
+        let again = root.path().join("again");
+        copy(&changed, &again);
+        assert_eq!(resume(&other, &again).step, 0);
+        assert_eq!(fs::read(whole.join("loads.csv")).unwrap(), fs::read(again.join("loads.csv")).unwrap());
+        fs::remove_dir_all(&again).unwrap();
     }
     let resumed = resume(&text, &killed);
     assert!(resumed.step == 0 && resumed.warnings[0].contains("no checkpoint"), "{resumed:?}");

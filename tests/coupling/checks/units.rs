@@ -70,6 +70,43 @@ pub fn different_layouts_are_rejected_on_both_sides<C: Comm>(comm: &C) -> Outcom
     Ok(())
 }
 
+/// Each channel of a coupling is a stream of its own, also for the inverse and for units that are added.
+pub fn channels_are_separate_streams<C: Comm>(comm: &C) -> Outcome {
+    let Some(comm) = first(comm, 2)? else { return Ok(()) };
+    let scales = scales(&comm, 1, 1)?;
+    let units: &[UnitId] = if comm.rank() == 0 { &[1, 2] } else { &[] };
+    let mut coupling = Coupling::new(&scales, "a", "b", units, &[], &EvenPartition)?;
+    let mut first = Channel::<f64>::new(&coupling)?;
+    let mut second = Channel::<f64>::new(&coupling.inverse())?;
+    let mut third = Channel::<i64>::new(&coupling)?;
+    match coupling.role() {
+        Role::Producer => {
+            first.send(&coupling, &[1.0, 2.0])?;
+            third.send(&coupling, &[100, 200])?;
+            let pending = second.start(&coupling, &[10.0, 20.0])?;
+            second.finish(&coupling, pending)?;
+            let new = coupling.add(&[3], &[], &EvenPartition)?;
+            second.send(&new, &[30.0])?;
+            first.send(&new, &[3.0])?;
+        }
+        Role::Consumer => {
+            let (mut values, mut numbers) = ([0.0; 2], [0; 2]);
+            let pending = second.start_receive(&coupling)?;
+            third.receive(&coupling, &mut numbers)?;
+            assert_eq!(numbers, [100, 200]);
+            first.receive(&coupling, &mut values)?;
+            assert_eq!(values, [1.0, 2.0]);
+            second.finish_receive(&coupling, pending, &mut values)?;
+            assert_eq!(values, [10.0, 20.0]);
+            let new = coupling.reconcile_added()?;
+            first.receive(&new, &mut values[..1])?;
+            second.receive(&new, &mut values[1..])?;
+            assert_eq!(values, [3.0, 30.0]);
+        }
+    }
+    Ok(())
+}
+
 pub fn invalid_calls_are_errors<C: Comm>(comm: &C) -> Outcome {
     let Some(comm) = first(comm, 2)? else { return Ok(()) };
     let scales = scales(&comm, 1, 1)?;
@@ -78,6 +115,13 @@ pub fn invalid_calls_are_errors<C: Comm>(comm: &C) -> Outcome {
     assert_eq!(absent, Err(CouplingError::Scale("c".into())));
     let itself = Coupling::new(&scales, "a", "a", units, &[], &EvenPartition).map(drop);
     assert_eq!(itself, Err(CouplingError::Itself("a".into())));
+    if comm.rank() == 1 {
+        let not_its_own = Coupling::new(&scales, "a", "b", &[1], &[], &EvenPartition).map(drop);
+        assert!(matches!(not_its_own, Err(CouplingError::Role(..))), "{not_its_own:?}");
+    } else {
+        let too_many = Coupling::new(&scales, "a", "b", units, &[1.0; 3], &EvenPartition).map(drop);
+        assert_eq!(too_many, Err(CouplingError::Weights { found: 3, units: 2 }));
+    }
     let mut coupling = Coupling::new(&scales, "a", "b", units, &[], &EvenPartition)?;
     let mut channel = Channel::<f64>::new(&coupling)?;
     match coupling.role() {

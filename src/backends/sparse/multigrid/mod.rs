@@ -68,7 +68,8 @@ mod smoother;
 use std::sync::Arc;
 
 use super::{Failure, Matrix, Vector};
-use crate::backends::checks::{check_pattern, check_size};
+use crate::backends::checks::{check_finite, check_pattern, check_size};
+use crate::backends::sparse::long;
 use crate::las::{Scalar, SolveError, Sparsity, Symmetry};
 use crate::parallel;
 #[cfg(feature = "cuda")]
@@ -195,11 +196,19 @@ impl Multigrid {
     /// Builds the hierarchy for a matrix: aggregates, prolongations and coarse matrices.
     ///
     /// # Errors
-    /// Returns [`SolveError::Pattern`] for a matrix of another pattern, [`SolveError::ZeroDiagonal`] if the diagonal
-    /// block of a node is singular, and the error of the factorization of the coarsest matrix.
+    /// Returns [`SolveError::Pattern`] for a matrix of another pattern, [`SolveError::NotFinite`],
+    /// [`SolveError::ZeroDiagonal`] if the diagonal block of a node is singular, and the error of the factorization of the
+    /// coarsest matrix. There is no hierarchy then.
     pub fn set_up(&mut self, a: &Matrix) -> Result<(), Failure> {
-        self.copy_matrix(a)?;
+        self.take_finite(a)?;
         self.build()
+    }
+
+    /// Copies the values of a matrix, if all are finite. There is no hierarchy otherwise.
+    fn take_finite(&mut self, a: &Matrix) -> Result<(), Failure> {
+        let is_finite = check_finite(a.pattern(), a.values(), long::all_finite);
+        let taken = is_finite.and_then(|()| self.copy_matrix(a));
+        taken.inspect_err(|_| self.hierarchy = None)
     }
 
     /// Builds the hierarchy for the matrix copied last.
@@ -227,7 +236,7 @@ impl Multigrid {
     /// # Errors
     /// As for [`Multigrid::set_up`].
     pub fn update(&mut self, a: &Matrix) -> Result<(), Failure> {
-        self.copy_matrix(a)?;
+        self.take_finite(a)?;
         self.refresh()
     }
 
@@ -278,7 +287,7 @@ impl Multigrid {
     }
 
     /// Computes `y`, an approximation of `A^-1 x`, by a V-cycle; linear in `x`, and symmetric positive definite if the
-    /// matrix is.
+    /// matrix is. If an entry of `x` is not finite, all of `y` are NaN.
     ///
     /// # Errors
     /// Returns [`SolveError::NotFactored`] without a hierarchy, and [`SolveError::Size`].
@@ -288,10 +297,12 @@ impl Multigrid {
         let Self { nodes, hierarchy: Some(hierarchy), .. } = self else { return Err(SolveError::NotFactored) };
         let (x, y) = (x.as_slice(), y.as_mut_slice());
         // Single precision has a smaller range.
-        let largest_of = |x: &[f64]| x.iter().fold(0.0, |most: f64, v| most.max(v.abs()));
-        let largest = parallel::map(x.chunks(CHUNK), largest_of).into_iter().fold(0.0, f64::max);
-        if largest == 0.0 {
-            y.fill(0.0);
+        // The bits of a NaN are greater than those of any other number without its sign.
+        let largest_of = |x: &[f64]| x.iter().fold(0, |most: u64, v| most.max(v.abs().to_bits()));
+        let largest = parallel::map(x.chunks(CHUNK), largest_of).into_iter().fold(0, u64::max);
+        let largest = f64::from_bits(largest);
+        if largest == 0.0 || !largest.is_finite() {
+            y.fill(if largest == 0.0 { 0.0 } else { f64::NAN });
             return Ok(());
         }
         with_hierarchy!(hierarchy, h => {
