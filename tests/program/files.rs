@@ -98,6 +98,10 @@ fn the_results_of_another_case_are_not_replaced() {
     }
     // One's own results are replaced, also those of a case that has another name by now, and others if the user says so.
     line(folder, "run one.toml").done();
+    for out in ["results".to_owned(), folder.join("results").display().to_string()] {
+        line(folder, &format!("run two.toml --out {out}")).done();
+        line(folder, &format!("run one.toml --out {out}")).done();
+    }
     line(folder, "run two.toml --out results").done();
     std::fs::remove_file(folder.join("two.toml")).unwrap();
     line(folder, "run one.toml").done();

@@ -175,15 +175,12 @@ fn file_name(case: &Case) -> Option<&str> {
     case.file.file_name()?.to_str().filter(|name| !name.contains(char::is_control))
 }
 
-/// Checks that a run of this case, in the result directory that it names, does not replace the results of another case,
-/// whose file still lies beside its own. A directory without a case, or with one of an earlier version, passes.
+/// Checks that a directory does not hold the results of another case, whose file still lies beside that of this one. A
+/// directory without a case, or with one of an earlier version, passes.
 ///
 /// # Errors
 /// Returns [`ResultsError::OtherCase`].
 pub(in crate::app) fn check_case(dir: &Path, case: &Case) -> Result<(), ResultsError> {
-    if dir != case.output.directory {
-        return Ok(());
-    }
     let Ok(text) = fs::read_to_string(dir.join(CASE_FILE)) else { return Ok(()) };
     let other = below_checksum(&text).and_then(|(below, _)| below.lines().nth(1)?.strip_prefix(FILE_LINE));
     let Some(other) = other.filter(|&other| Some(other) != file_name(case)) else { return Ok(()) };

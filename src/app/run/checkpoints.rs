@@ -19,7 +19,7 @@ impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
     pub(super) fn restore(&mut self, writers: &dyn WriterGroup, dir: &Path) -> Result<Resumed, ResumeError<B::Error>> {
         // A directory that does not exist cannot be locked.
         let mut warnings = match dir.exists() {
-            true => self.lock_directory(writers, dir)?,
+            true => self.take_directory(writers, dir)?,
             false => writers.agree(Ok(())).map(|()| Vec::new())?,
         };
         let Some((checkpoint, body)) = self.find_checkpoint(writers, dir, &mut warnings)? else {

@@ -110,27 +110,29 @@ impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
         ProblemSize::new(case, self.mesh(), stepper.field(), stepper.unknowns(), stepper.solver_choice())
     }
 
-    /// Locks the result directory `dir` for a run from the beginning until [`Simulation::run`] ends, and checks that the
-    /// files that it would replace were written by a run: if `dir` is the directory that the case names, not by one of
-    /// another case in the same folder. [`Simulation::run`] calls it if it was not called before. Returns warnings for the
-    /// user.
+    /// Locks the result directory `dir` for this run until [`Simulation::run`] ends, and checks that the files that
+    /// this run would replace were written by a run. [`Simulation::resume`] and [`Simulation::run`] call it if it was
+    /// not called before. Returns warnings for the user.
     ///
     /// # Errors
-    /// Returns [`ResultsError::Locked`], [`ResultsError::OtherCase`] or [`ResultsError::UnknownOrigin`] without touching a
-    /// file, or [`ResultsError::Write`] if the directory or its lock cannot be written.
+    /// Returns [`ResultsError::Locked`] or [`ResultsError::UnknownOrigin`] without touching a file, or
+    /// [`ResultsError::Write`] if the directory or its lock cannot be written.
     pub fn take_directory(&mut self, writers: &dyn WriterGroup, dir: &Path) -> Result<Vec<String>, ResultsError> {
-        writers.on_writer(|| results::check_case(dir, &self.case))?;
-        self.lock_directory(writers, dir)
-    }
-
-    /// Locks the result directory, and checks that the files there were written by a run.
-    fn lock_directory(&mut self, writers: &dyn WriterGroup, dir: &Path) -> Result<Vec<String>, ResultsError> {
         let is_locked = self.lock.as_ref().is_some_and(|(locked, _)| locked == dir);
         let lock = || results::check_origin(dir).and_then(|()| DirectoryLock::acquire(dir)).map(Some);
         let taken = writers.on_writer(|| if is_locked { Ok(None) } else { lock() })?;
         let Some((lock, warning)) = taken else { return Ok(Vec::new()) };
         self.lock = Some((dir.to_owned(), lock));
         Ok(warning.into_iter().collect())
+    }
+
+    /// Checks, for a directory that the user has not named, that it does not hold the results of another case, whose file
+    /// lies beside that of this one: all cases in a folder have the same default directory.
+    ///
+    /// # Errors
+    /// Returns [`ResultsError::OtherCase`] on all processes.
+    pub fn check_case_of(&self, writers: &dyn WriterGroup, dir: &Path) -> Result<(), ResultsError> {
+        writers.on_writer(|| results::check_case(dir, &self.case))
     }
 
     /// Restores the last converged step stored in the result directory `dir`; [`Simulation::run`] then takes the
@@ -181,9 +183,7 @@ impl<B: RealBackend, M: TissueMaterial> Simulation<B, M> {
         progress: &mut dyn Progress,
     ) -> Result<RunSummary, RunError<B::Error>> {
         let start = Instant::now();
-        let is_resumed = self.stepper.completed_steps() > 0;
-        let taken = if is_resumed { self.lock_directory(writers, dir) } else { self.take_directory(writers, dir) };
-        let outcome = taken.map_err(RunError::from);
+        let outcome = self.take_directory(writers, dir).map_err(RunError::from);
         let outcome = outcome.and_then(|_| self.run_locked(writers, dir, progress, start));
         self.lock = None;
         outcome

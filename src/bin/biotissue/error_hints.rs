@@ -160,7 +160,8 @@ fn cure_of_reason<F: std::error::Error + 'static>(
     }
 }
 
-const FLOPPY_NETWORK: &str = "`biotissue network check` shows whether that network is floppy or not connected to the boundary: clean it, or use another";
+const FLOPPY_NETWORK: &str = "`biotissue network check` shows whether that network is floppy or not connected to the boundary: clean \
+                              it, or use another";
 
 const ITERATIVE_RVES: &str = "leave `solver` of [micro] out, which means \"direct\", or raise its `tolerance` or its \
                               `max_iterations`";

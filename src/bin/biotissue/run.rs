@@ -84,10 +84,10 @@ pub fn run(command: RunCommand) -> Result<(), Failure> {
     let report_every = command.report_every()?;
     let case = read(&command.case)?;
     output::warn(&config.warnings_for(&case));
-    let dir = command.dir(&case, &config);
+    let (dir, is_named) = (command.dir(&case, &config), command.names_dir(&config));
     command.common.start_threads()?;
     let (backend, plan) = (command.common.backend(), config.plan);
-    let steps = StepOptions { dir: &dir, resume: command.resume, report_every };
+    let steps = StepOptions { dir: &dir, is_named, resume: command.resume, report_every };
     // A single process started by mpirun is one rank.
     let requested = command.ranks.or_else(ranks::started_by_mpirun);
     let summary = match ranks::of_threads(requested, case.scales, plan.as_ref().map(|(plan, _)| plan)) {
@@ -144,6 +144,11 @@ impl RunCommand {
     fn dir(&self, case: &Case, config: &Configuration) -> PathBuf {
         let of_config = || config.results.clone();
         self.out.clone().or_else(of_config).unwrap_or_else(|| case.output.directory.clone())
+    }
+
+    /// Returns true if the user has named the result directory outside the case.
+    fn names_dir(&self, config: &Configuration) -> bool {
+        self.out.is_some() || config.results.is_some()
     }
 }
 
@@ -276,9 +281,9 @@ fn run_on_processes(processes: usize, command: RunCommand) -> Result<(), Failure
             }
             Err(failure) => return Ok(if is_root { Err(failure) } else { Ok(()) }),
         };
-        let dir = command.dir(&case, &config);
+        let (dir, is_named) = (command.dir(&case, &config), command.names_dir(&config));
         let (backend, plan) = (command.common.backend(), config.plan);
-        let steps = StepOptions { dir: &dir, resume: command.resume, report_every };
+        let steps = StepOptions { dir: &dir, is_named, resume: command.resume, report_every };
         let run = RunContext { case, steps, backend, plan, time_out };
         Ok(match ranks::on_processes(&world, &run)? {
             Some(outcome) => outcome.and_then(|summary| print_summary(&summary, &dir, command.json)),
@@ -303,6 +308,8 @@ fn run_on_processes(processes: usize, _: RunCommand) -> Result<(), Failure> {
 pub struct StepOptions<'a> {
     /// The result directory.
     pub dir: &'a Path,
+    /// Whether the user has named it, so that other results there may be replaced.
+    pub is_named: bool,
     /// Whether to continue after the last converged step in that directory.
     pub resume: bool,
     /// The longest time between two lines of progress without a terminal.
@@ -351,10 +358,13 @@ impl Job for RunJob<'_> {
 pub fn take_steps<B: ProgramBackend, M: TissueMaterial>(
     simulation: &mut Simulation<B, M>,
     writers: &dyn WriterGroup,
-    StepOptions { dir, resume, report_every }: StepOptions<'_>,
+    StepOptions { dir, is_named, resume, report_every }: StepOptions<'_>,
 ) -> Result<Summary, Failure> {
     let mut completed_steps = 0;
     if !resume {
+        if !is_named {
+            simulation.check_case_of(writers, dir).map_err(not_written)?;
+        }
         let warnings = simulation.take_directory(writers, dir).map_err(not_written)?;
         output::warn(if writers.is_writer() { &warnings } else { &[] });
     } else {
