@@ -83,7 +83,7 @@ use super::{Backend, FactorReport, MatrixOps, Scalar, SolveError, SolveReport, S
 /// }
 ///
 /// let pattern = Arc::new(Sparsity::full(1, 1));
-/// let symbolic = Sparse::analyze(&(), &pattern, &SolverParams::new(Symmetry::Definite))?;
+/// let symbolic = Sparse::<f64>::analyze(&(), &pattern, &SolverParams::new(Symmetry::Definite))?;
 /// let mut system = NewtonSystem::<Sparse>::new(&(), &pattern, &symbolic)?;
 /// let mut spring = Spring { x: 1.0, saved: 1.0, load: 8.0 };
 /// let report = system.solve(&mut spring, &NewtonParams::default())?;
