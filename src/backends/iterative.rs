@@ -195,7 +195,7 @@ impl<B: SingleLane<Matrix: Clone>> IterativeSolver<B> {
         let (report, pivots) = self.factor(a)?;
         let is_indefinite = match pivots {
             Some(pivots) => pivots.negative() > 0,
-            None => self.space.preconditioner() == Preconditioner::Multigrid && self.has_negative_diagonal(a)?,
+            None => self.space.method().preconditioner == Preconditioner::Multigrid && self.has_negative_diagonal(a)?,
         };
         if is_indefinite {
             self.ready = false;

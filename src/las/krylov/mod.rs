@@ -74,12 +74,14 @@ impl<B: SingleLane> KrylovSpace<B> {
         self.method.tolerance = tolerance;
     }
 
-    /// Returns the preconditioner of the method.
-    pub(crate) fn preconditioner(&self) -> Preconditioner {
-        self.method.preconditioner
+    /// Returns the method.
+    #[cfg(any(feature = "sparse", feature = "dense"))]
+    pub(crate) fn method(&self) -> &Iterative {
+        &self.method
     }
 
     /// Returns a vector that the next solve overwrites.
+    #[cfg(any(feature = "sparse", feature = "dense"))]
     pub(crate) fn scratch(&mut self) -> &mut B::Vector {
         &mut self.vectors[0]
     }
