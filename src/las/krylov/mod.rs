@@ -14,10 +14,7 @@ mod tests;
 
 use num_traits::{Float, One, Zero};
 
-use super::{
-    Backend, Failure, Iterative, Krylov, Preconditioner, Scalar, SingleLane, SolveError, SolveReport, StopReason,
-    VectorOps,
-};
+use super::{Backend, Failure, Iterative, Krylov, Scalar, SingleLane, SolveError, SolveReport, StopReason, VectorOps};
 
 /// `y = f(x)`: the product with the matrix or with the preconditioner.
 pub type Apply<'a, B> = &'a mut dyn FnMut(&Vector<B>, &mut Vector<B>) -> Result<(), SolveError<<B as Backend>::Error>>;
