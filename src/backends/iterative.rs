@@ -161,9 +161,15 @@ impl<B: SingleLane<Matrix: Clone>> IterativeSolver<B> {
         Ok((FactorReport { kind, indefinite_at: None, pivot_ratio, negative_pivots: None }, pivots))
     }
 
-    /// Refuses to solve until the next matrix, if the one that the caller was given is of no use.
-    pub(super) fn unless_invalid(&mut self, checked: Result<(), Failure<B>>) -> Result<(), Failure<B>> {
-        self.ready &= checked.is_ok();
+    /// Returns the result of a check of the next matrix. A solver that has an earlier matrix solves no more with it if the next
+    /// one is of no use.
+    pub(super) fn unless_invalid(
+        solver: &mut Option<Box<Self>>,
+        checked: Result<(), Failure<B>>,
+    ) -> Result<(), Failure<B>> {
+        if let Some(solver) = solver {
+            solver.ready &= checked.is_ok();
+        }
         checked
     }
 

@@ -13,8 +13,8 @@ use super::{Backend, BlockSlots};
 /// * A **negative index** denotes a constrained unknown: a write to it is dropped, and a read leaves the caller's
 ///   buffer unchanged.
 /// * An **index past the end**, and arguments whose lengths do not match, are programming errors: a `debug_assert!`
-///   fails in debug builds, and release builds drop the value, or read zero. `petsc` returns an error for a block whose size does not
-///   match its indices, and for vectors of different lengths.
+///   fails in debug builds, and release builds drop the value, or read zero. `petsc` returns an error for a block whose
+///   size does not match its indices, and for vectors of different lengths.
 /// * If each rank holds a part of the system ([`RankRows`](super::RankRows)), writes to ghost rows are dropped, and
 ///   norms, dot products and `finish` are collective.
 /// * Call [`VectorOps::finish`] or [`MatrixOps::finish`] between writing and reading, and between `add` and `set`:

@@ -89,13 +89,10 @@ impl Solver {
         check_finite(expected, a.values(), local::all_finite)
     }
 
-    /// Checks the next matrix. An iterative method that has an earlier one solves no more with it if this one is of no use.
+    /// Checks the next matrix.
     fn check_next(&mut self, a: &Matrix) -> Result<(), Failure> {
         let checked = self.check(a);
-        match &mut self.iterative {
-            Some(iterative) => iterative.unless_invalid(checked),
-            None => checked,
-        }
+        IterativeSolver::unless_invalid(&mut self.iterative, checked)
     }
 
     /// Factors a matrix on the host; after an iterative method failed, with a solver made on first use.

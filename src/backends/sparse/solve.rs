@@ -114,13 +114,10 @@ impl<T: SparseScalar> Solver<T> {
         check_finite(expected, a.values(), long::all_finite)
     }
 
-    /// Checks the next matrix. An iterative method that has an earlier one solves no more with it if this one is of no use.
+    /// Checks the next matrix.
     fn check_next(&mut self, a: &Matrix<T>) -> Result<(), Failure> {
         let checked = self.check(a);
-        match &mut self.iterative {
-            Some(iterative) => iterative.unless_invalid(checked),
-            None => checked,
-        }
+        IterativeSolver::unless_invalid(&mut self.iterative, checked)
     }
 
     fn factor_checked(&mut self, a: &Matrix<T>) -> Result<FactorReport, Failure> {
