@@ -1,4 +1,4 @@
-//! The files of a checkpoint: eight letters, the version of the format, the content, and a hash of all these.
+//! The files of a checkpoint and of a divided body: eight letters, the version of the format, the content, and a hash of all these.
 //!
 //! The beginning and the end are the same in every version, so that damage can be distinguished from another version.
 
@@ -94,11 +94,13 @@ pub(crate) fn verify_by(path: &Path, mut block: impl FnMut(&[u8])) -> Result<Sea
         }
     }
     if ![&head[..], &buffer[..held]].concat().starts_with(MAGIC) {
-        return Err(SealError::Damaged("does not begin like a checkpoint".into()));
+        return Err(SealError::Damaged("does not begin like a file of this program".into()));
     }
     let Some(tail) = buffer.first_chunk::<TAIL>().filter(|_| held == TAIL && head.len() == HEAD) else {
         let shortest = HEAD + TAIL;
-        return Err(SealError::Damaged(format!("ends after {bytes} bytes; the shortest checkpoint has {shortest}")));
+        return Err(SealError::Damaged(format!(
+            "ends after {bytes} bytes; the shortest file of this kind has {shortest}"
+        )));
     };
     let seal = Seal { bytes, hash: u64::from_le_bytes(*tail) };
     if hash.finish() != seal.hash {

@@ -1,8 +1,11 @@
 #!/usr/bin/env bash
 # Runs the cube of run.sh on PETSc with several numbers of ranks of the macro scale, and prints for each the memory of the first
 # rank, which reads the mesh, and the greatest of the others, both also without what a body of a few elements takes (the
-# libraries), and the greatest difference of a reaction from that of the first number, relative to the greatest reaction. The arguments are the number of cells along a side, by
-# default 40, and the numbers of ranks, by default 1 2 4 8.
+# libraries), and the greatest difference of a reaction from that of the first number, relative to the greatest reaction. The
+# arguments are the number of cells along a side, by default 40, and the numbers of ranks, by default 1 2 4 8.
+#
+# With DIVIDED=1, `biotissue divide` divides the body before each run on several ranks, so that no rank reads the mesh, and the
+# script prints its memory. PRECONDITIONER, by default multigrid, is that of the conjugate gradients.
 #
 # Needs MPI, PETSc and the command `time`, as the tests do (scripts/test.sh installs them).
 set -euo pipefail
@@ -24,7 +27,7 @@ write_case() { # write_case CELLS MACRO_RANKS
     write_box "$folder/box.toml" "$1"
     cat >>"$folder/box.toml" <<CASE
 tolerance = 1e-11
-solver = { method = "cg", preconditioner = "multigrid" }
+solver = { method = "cg", preconditioner = "${PRECONDITIONER:-multigrid}", max_iterations = 10000 }
 [scales]
 macro = $2
 micro = 1
@@ -36,10 +39,17 @@ run_on() { # run_on CELLS MACRO_RANKS
     local ranks=$(($2 + 1)) rank_memory="$folder/memory"
     rm -f "$rank_memory".*
     write_case "$1" "$2"
+    local options=()
+    if [ "${DIVIDED:-0}" = 1 ] && [ "$2" -gt 1 ]; then
+        /usr/bin/time -f "divide: %M kB, %e s" -o "$folder/divide" \
+            "$program" divide "$folder/box.toml" --ranks "$2" --out "$folder/divided" >/dev/null
+        cat "$folder/divide" >&2
+        options=(--divided "$folder/divided")
+    fi
     # shellcheck disable=SC2016 # the shell of each rank expands the variable
     mpirun --oversubscribe -n "$ranks" bash -c '
-        exec /usr/bin/time -f %M -o "$1.$OMPI_COMM_WORLD_RANK" "$2" run "$3" --backend petsc --threads 1 --out "$4"
-    ' rank "$rank_memory" "$program" "$folder/box.toml" "$folder/out" >"$folder/output" 2>&1 || {
+        exec /usr/bin/time -f %M -o "$1.$OMPI_COMM_WORLD_RANK" "$2" run "$3" --backend petsc --threads 1 --out "$4" "${@:5}"
+    ' rank "$rank_memory" "$program" "$folder/box.toml" "$folder/out" "${options[@]}" >"$folder/output" 2>&1 || {
         cat "$folder/output" >&2
         exit 1
     }

@@ -5,6 +5,8 @@ mod arguments;
 mod balance;
 mod constraints;
 mod cuda;
+#[cfg(all(feature = "petsc", feature = "sparse"))]
+mod divided;
 mod element_ranks;
 mod elements;
 mod failed_step;

@@ -14,7 +14,7 @@ use crate::variants::CONSTANTS;
 use crate::{frozen, line};
 
 /// A body of two regions with every kind of load, of elements of one type, without networks.
-fn loaded(element: &str, order: usize) -> String {
+pub fn loaded(element: &str, order: usize) -> String {
     let order = if order == 2 { "order = 2\n" } else { "" };
     format!(
         "[mesh]\ngenerate = {{ shape = \"box\", cells = [4, 3, 2], size = [2.0, 1.5, 1.0], element = \"{element}\" }}\n{order}\
@@ -41,7 +41,7 @@ fn sorted(values: &PointValues) -> Vec<usize> {
 }
 
 /// Checks that two files hold the same points, whose values agree to `1e-9` of the largest of their array.
-fn assert_same_points(found: &Path, expected: &Path) {
+pub fn assert_same_points(found: &Path, expected: &Path) {
     let [found, expected] = [found, expected].map(|path| read_points(path).unwrap());
     let orders = [sorted(&found), sorted(&expected)];
     assert_eq!(orders[0].len(), orders[1].len());
@@ -160,18 +160,13 @@ fn conditions_of_the_whole_body_hold_in_parts() {
     }
 }
 
-/// Networks, fractions and matrices that vary over the body: each rank has those of its part, and RVEs bring theirs along
-/// when they are created, late here, and when they migrate.
-#[test]
-fn materials_that_depend_on_the_mesh_are_those_of_the_whole_body() {
-    let _turn = one_at_a_time();
-    let folder = tempfile::tempdir().unwrap();
-    let folder = folder.path();
+/// A body whose networks, fractions and matrices vary; writes the networks and the fields.
+pub fn varying(folder: &Path) -> String {
     line(folder, "network generate --points 25 --count 2 --directory networks").done();
     let row = |element: u32| format!("{},{}\n", element % 2, 0.002 + 1e-4 * f64::from(element));
     std::fs::write(folder.join("fields.csv"), "index,fraction\n".to_owned() + &(0..18).map(row).collect::<String>())
         .unwrap();
-    let text = "[mesh]\ngenerate = { shape = \"box\", cells = [3, 1, 1], size = [3.0, 1.0, 1.0] }\n\
+    "[mesh]\ngenerate = { shape = \"box\", cells = [3, 1, 1], size = [3.0, 1.0, 1.0] }\n\
         [[region]]\nname = \"*\"\n[region.material]\nmodel = \"fiber-rve\"\nnetworks = \"networks/*.txt\"\n\
         choose = { index = { file = \"fields.csv\", column = \"index\" } }\n\
         fiber_volume_fraction = { file = \"fields.csv\", column = \"fraction\" }\n\
@@ -179,7 +174,18 @@ fn materials_that_depend_on_the_mesh_are_those_of_the_whole_body() {
         matrix = { model = \"neo-hookean\", shear_modulus = \"1000 + 200*x\", poisson_ratio = 0.3 }\n\
         [[boundary]]\nsurface = \"x0\"\ndisplacement = { x = 0.0, y = 0.0, z = 0.0 }\n\
         [[boundary]]\nsurface = \"x1\"\ndisplacement = { x = 0.2, y = 0.9, z = 0.0 }\n\
-        [newton]\ntolerance = 1e-12\n[steps]\ncount = 3\n[output]\npoints = true\n";
+        [newton]\ntolerance = 1e-12\n[steps]\ncount = 3\n[output]\npoints = true\n"
+        .into()
+}
+
+/// Each rank has the materials of its part, and RVEs bring theirs along when they are created, late here, and when they
+/// migrate.
+#[test]
+fn materials_that_depend_on_the_mesh_are_those_of_the_whole_body() {
+    let _turn = one_at_a_time();
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let text = &varying(folder);
     let life = "life = { created_at = 0.05, deleted_at = 0.25 }\nlaw = {";
     for (text, name) in [(text, "always"), (&text.replace("law = {", life), "late")] {
         run(folder, text, "--out alone --backend sparse").done();
@@ -196,6 +202,8 @@ fn materials_that_depend_on_the_mesh_are_those_of_the_whole_body() {
         };
         agrees((1, 2), "");
         agrees((3, 2), "");
+        line(folder, "divide case.toml --ranks 3 --out divided").done();
+        agrees((3, 2), "--divided divided");
         assert!(!migrations(&folder.join("parts")).is_empty());
         std::fs::remove_file(folder.join("parts/checkpoint/step-00003.bin")).unwrap();
         agrees((2, 3), "--resume");

@@ -7,6 +7,7 @@ use super::field_names::FieldSelection;
 use super::formula::FormulaCase;
 use super::load_value::LoadValue;
 use super::parameter::FieldCase;
+use super::read::folder_of;
 use crate::fem::boundary::LoadCurve;
 use crate::fem::constraint::VolumeConstraint;
 use crate::fem::element::ElementType;
@@ -59,6 +60,12 @@ pub struct Case {
 }
 
 impl Case {
+    /// Returns the folder of the case file, absolute.
+    pub(in crate::app) fn folder(&self) -> PathBuf {
+        // A case that was read has one.
+        folder_of(&self.file).unwrap_or_default()
+    }
+
     /// Returns the materials of the regions and the solver of the RVEs; `None` if a parameter varies over the body, so
     /// that the materials depend on the mesh ([`material_fields`](crate::app::material_fields)).
     pub fn materials(&self) -> Option<Materials> {

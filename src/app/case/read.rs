@@ -104,7 +104,7 @@ fn read(root: &mut Table<'_>, path: &Path, base: &Path) -> Option<Case> {
 }
 
 /// Returns the absolute path of the folder of the case file.
-fn folder_of(path: &Path) -> Result<PathBuf, InputError> {
+pub(super) fn folder_of(path: &Path) -> Result<PathBuf, InputError> {
     let folder = path.parent().unwrap_or(Path::new(""));
     if folder.as_os_str().is_empty() {
         return std::env::current_dir().map_err(|error| InputError::unreadable(path, &error));

@@ -122,33 +122,56 @@ pub(in crate::app) fn is_same_run(before: &Case, now: &Case) -> bool {
     differences(&before, &now).iter().all(|of| is_setting(of.section, of.before, of.now))
 }
 
+/// What the division of a body depends on.
+pub(in crate::app) struct DivisionCase {
+    /// The case as text.
+    pub text: String,
+    /// The files that its mesh and its fields come from.
+    pub files: Vec<PathBuf>,
+}
+
+/// Returns what the division of the body of a case depends on.
+pub(in crate::app) fn division_of(case: &Case) -> DivisionCase {
+    let mut files: Vec<PathBuf> = files_mut(&mut case.clone()).into_iter().map(|file| file.clone()).collect();
+    // Several fields may be in one file.
+    files.sort_unstable();
+    files.dedup();
+    // The points whose networks are written are part of the division.
+    let output = OutputCase { rve: case.output.rve.clone(), ..OutputCase::default() };
+    DivisionCase { text: text_with(case, output), files }
+}
+
+impl DivisionCase {
+    /// Returns the first difference that makes this another division than one of a case with the text `before`.
+    pub fn difference_from(&self, before: &str) -> Option<Mismatch> {
+        let ((before, _), (now, _)) = (without_optional(before), without_optional(&self.text));
+        let is_of_division = |&Difference { section, before, now }: &Difference<'_>| {
+            // The solver of the body is chosen with its division. The conditions of a step come from the case.
+            let is_solver = section == "[newton]" && [before, now].iter().any(|line| line.starts_with("solver"));
+            is_solver || section != "[steps]" && !is_setting(section, before, now)
+        };
+        let Difference { section, before, now } = differences(&before, &now).into_iter().find(is_of_division)?;
+        Some(Mismatch::Case { section: section.into(), before: before.into(), now: now.into() })
+    }
+}
+
 /// The case as TOML, reduced to the entries that the results depend on.
 fn text_of(case: &Case) -> String {
+    text_with(case, OutputCase::default())
+}
+
+fn text_with(case: &Case, output: OutputCase) -> String {
     let mut case = case.clone();
     case.title.clear();
     case.scales = ScalesCase::default();
-    case.output = OutputCase::default();
+    case.output = output;
     // A run stays the same if its folder is moved; the content of the files is compared by hash.
-    if let MeshSource::File(file) = &mut case.mesh {
-        *file = name_of(file);
-    }
+    files_mut(&mut case).into_iter().for_each(|file| *file = name_of(file));
     for region in &mut case.regions {
-        let formula = match &mut region.material {
-            RegionMaterial::Formula(formula) => Some(formula),
-            RegionMaterial::FiberRve(rve) => {
-                rve.networks.iter_mut().for_each(|file| *file = name_of(file));
-                if let NetworkAssignment::Field(choice) = &mut rve.assignment {
-                    choice.pattern.iter_mut().for_each(NetworkPattern::remove_folders);
-                    choice.files_mut().for_each(|file| *file = name_of(file));
-                }
-                if let RveScale::Fractions(field) = &mut rve.scale {
-                    field.source.file_mut().into_iter().for_each(|file| *file = name_of(file));
-                }
-                rve.matrix.as_mut()
-            }
-        };
-        if let Some(FormulaCase::Field(field)) = formula {
-            field.files_mut().for_each(|file| *file = name_of(file));
+        let RegionMaterial::FiberRve(rve) = &mut region.material else { continue };
+        rve.networks.iter_mut().for_each(|file| *file = name_of(file));
+        if let NetworkAssignment::Field(choice) = &mut rve.assignment {
+            choice.pattern.iter_mut().for_each(NetworkPattern::remove_folders);
         }
     }
     let text = case.to_toml();
@@ -205,6 +228,32 @@ fn hash_network_fields(region: &str, rve: &FiberRve, hash: &mut Option<Fnv>) {
         // NaN, outside of the region, may have any bits.
         fractions.of_point().iter().for_each(|&fraction| hash.add_f64(if fraction.is_nan() { 0.0 } else { fraction }));
     }
+}
+
+/// Returns the files that the mesh and the fields of a case come from.
+fn files_mut(case: &mut Case) -> Vec<&mut PathBuf> {
+    let mut files = Vec::new();
+    if let MeshSource::File(file) = &mut case.mesh {
+        files.push(file);
+    }
+    for region in &mut case.regions {
+        let formula = match &mut region.material {
+            RegionMaterial::Formula(formula) => Some(formula),
+            RegionMaterial::FiberRve(rve) => {
+                if let NetworkAssignment::Field(choice) = &mut rve.assignment {
+                    files.extend(choice.files_mut());
+                }
+                if let RveScale::Fractions(field) = &mut rve.scale {
+                    files.extend(field.source.file_mut());
+                }
+                rve.matrix.as_mut()
+            }
+        };
+        if let Some(FormulaCase::Field(field)) = formula {
+            files.extend(field.files_mut());
+        }
+    }
+    files
 }
 
 fn name_of(file: &Path) -> PathBuf {

@@ -33,8 +33,8 @@ use std::path::{Path, PathBuf};
 use thiserror::Error;
 
 pub use body_pieces::BodyStatePiece;
-pub(in crate::app) use identity::is_same_run;
 pub use identity::{Identity, Mismatch, hash_of_fields, hash_of_mesh};
+pub(in crate::app) use identity::{division_of, is_same_run};
 
 use super::results::{CHECKPOINT_FOLDER, ResultsError, ResultsRecord, names_in, remove_as};
 use crate::fem::stepping::SavedState;

@@ -1,6 +1,6 @@
 //! Materials that depend on the mesh, for ranks that do not hold it.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
@@ -17,19 +17,21 @@ pub struct MaterialFields(Vec<RegionFields>);
 struct RegionFields {
     /// The formulas of the region, or of the matrices of its RVEs, if they vary: every rank has a case with the others.
     formulas: Option<Formulas>,
-    /// The networks that fields choose.
+    /// The networks that fields choose; those in the folder of the case are relative to it, because another process may see it
+    /// elsewhere.
     networks: Option<(Vec<PathBuf>, PointNetworks)>,
     fractions: Option<PointFractions>,
 }
 
 impl MaterialFields {
-    /// Returns the fields of the materials of a case.
-    pub fn of(materials: &Materials) -> Self {
+    /// Returns the fields of the materials of a case, which is in this folder.
+    pub fn of(materials: &Materials, folder: &Path) -> Self {
+        let relative = |file: &PathBuf| file.strip_prefix(folder).map_or_else(|_| file.clone(), Path::to_path_buf);
         let fields = |region: &Region| {
             let (mut networks, mut fractions) = (None, None);
             if let RegionMaterial::FiberRve(rve) = &region.material {
                 if let NetworkAssignment::Field(of_point) = &rve.assignment {
-                    networks = Some((rve.networks.clone(), of_point.clone()));
+                    networks = Some((rve.networks.iter().map(relative).collect(), of_point.clone()));
                 }
                 if let RveScale::Fractions(of_point) = &rve.scale {
                     fractions = Some(of_point.clone());
@@ -56,6 +58,7 @@ impl MaterialFields {
         if self.0.len() != case.regions.len() {
             return None;
         }
+        let folder = case.folder();
         let regions = case.regions.iter().zip(self.0).map(|(region, fields)| {
             let RegionFields { formulas, networks, fractions } = fields;
             let formulas = |of_case: &FormulaCase| match of_case {
@@ -69,7 +72,9 @@ impl MaterialFields {
                         NetworkAssignment::Random => (rve.networks.clone(), NetworkAssignment::Random),
                         NetworkAssignment::Cycle => (rve.networks.clone(), NetworkAssignment::Cycle),
                         NetworkAssignment::Field(_) => {
-                            networks.map(|(files, of)| (files, NetworkAssignment::Field(of)))?
+                            let (files, of_point) = networks?;
+                            let files = files.iter().map(|file| folder.join(file)).collect();
+                            (files, NetworkAssignment::Field(of_point))
                         }
                     };
                     let scale = match &rve.scale {
@@ -126,7 +131,7 @@ material = { model = "neo-hookean", shear_modulus = 1000, poisson_ratio = 0.3 }
         case.regions[1].material = RegionMaterial::Formula(FormulaCase::Constant(Formula::custom(Foreign)));
         let (mesh, _) = macro_scale::mesh(&case).unwrap();
         let materials = material_fields::resolve(&case, &mesh).unwrap().materials;
-        let fields = MaterialFields::of(&materials);
+        let fields = MaterialFields::of(&materials, &case.folder());
         let arrived = |fields: &MaterialFields| -> Materials {
             let bytes = postcard::to_allocvec(fields).unwrap();
             postcard::from_bytes::<MaterialFields>(&bytes).unwrap().materials(&case).unwrap()

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | `setup` | a case with all its input files, read and checked |
 //! | `whole_body` | the mesh of a case with its boundary conditions and materials |
+//! | `body_files` | a body that is divided once, in files |
 //! | `setup_ranks` | ranks that set up a case together: what the first one sends the others |
 //! | `problem_size` | the size of the problem before the solve |
 //! | this one | the run itself ([`Simulation`]) |
@@ -12,6 +13,7 @@
 //! | `outcome` | the errors and the result of a run, and of resuming it |
 //! | `writers` | which process writes the results |
 
+mod body_files;
 mod checkpoints;
 mod forecast;
 mod measurement;
@@ -28,6 +30,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
+pub use body_files::{BodyFiles, DivisionReport};
 pub use forecast::{Forecast, RankSplit};
 pub use measurement::{Measurement, NetworkCost};
 pub use memory::MemoryForecast;
@@ -35,7 +38,7 @@ pub use outcome::{ResumeError, Resumed, RunError, RunSummary};
 pub use problem_size::{NetworkSize, ProblemSize};
 pub use rank_writers::RootWriter;
 pub use setup::{Setup, SimulationError};
-pub use setup_ranks::{ScaleRanks, SetupRanks};
+pub use setup_ranks::{ExchangeError, ScaleRanks, SetupRanks};
 pub use writers::WriterGroup;
 
 use self::writers::AgreedRecorder;

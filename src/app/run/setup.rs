@@ -7,7 +7,9 @@ use thiserror::Error;
 use super::Simulation;
 use super::memory::MemoryForecast;
 use super::problem_size::ProblemSize;
-use super::setup_ranks::{PartSetup, RankSetup, SetupRanks, receive_setup, send_failure, send_fields, send_setup};
+use super::setup_ranks::{
+    ExchangeError, OfWhole, PartSetup, RankSetup, SetupRanks, receive_setup, send_failure, send_fields, send_setup,
+};
 use super::whole_body::WholeBody;
 use crate::app::case::{Case, ElementSelection, RegionMaterial};
 use crate::app::checkpoint::{hash_of_fields, hash_of_mesh};
@@ -21,7 +23,7 @@ use crate::app::rve_files;
 use crate::fem::boundary::Conditions;
 use crate::fem::mesh::{Division, Mesh};
 use crate::fem::stepping::{BodyDivision, BodyPart, LinearSystem, SetupError, Stepper};
-use crate::input::InputErrors;
+use crate::input::{InputError, InputErrors};
 use crate::las::{RealBackend, SolveError, SolverParams, Sparsity};
 use crate::tissue::materials::Materials;
 use crate::tissue::micro_scale::{LibraryError, ProgressSource, Sites, TissueField, TissueFieldError, TissueMaterial};
@@ -44,6 +46,15 @@ pub enum SimulationError<F: std::error::Error + 'static> {
     OtherRank(String),
 }
 
+impl<F: std::error::Error + 'static> From<ExchangeError> for SimulationError<F> {
+    fn from(error: ExchangeError) -> Self {
+        match error {
+            ExchangeError::Ranks(reason) => Self::OtherRank(reason),
+            ExchangeError::File(errors) => Self::Input(errors),
+        }
+    }
+}
+
 /// A case with all its input files, read and checked before the first solve.
 pub struct Setup<B: RealBackend, M = TissueField<B>> {
     pub(super) context: B::Context,
@@ -51,7 +62,7 @@ pub struct Setup<B: RealBackend, M = TissueField<B>> {
     pub(super) mesh: Arc<Mesh>,
     /// The hashes of the whole mesh and of the materials that vary over it.
     hashes: (u64, Option<u64>),
-    /// The surfaces with boundary conditions, on the rank that reads the mesh.
+    /// The surfaces with boundary conditions, on the first rank of the body.
     surfaces: Vec<SurfacePlace>,
     pub(super) conditions: Conditions,
     /// The part of this rank, if the body is divided.
@@ -63,6 +74,8 @@ pub struct Setup<B: RealBackend, M = TissueField<B>> {
     ranges: Vec<FieldRange>,
     load_sizes: Vec<LoadSize>,
     warnings: Vec<String>,
+    /// Whether the material has the networks of all points, not only those of a part.
+    has_all_networks: bool,
 }
 
 impl<B: RealBackend> Setup<B> {
@@ -111,22 +124,24 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
     /// Reads the mesh of a case and checks it against the case; `material` sets up the materials of the case on the mesh,
     /// and returns warnings. If there are several `ranks`, the first one reads the mesh, divides the body among them if it
     /// can be ([`BodyPart::new`]), and sends each rank its part; the mesh that `material` gets is then the part, and the
-    /// whole mesh is released. Collective over `ranks`.
+    /// whole mesh is released. Collective over `ranks`. If the body was divided before ([`SetupRanks::files`]), every rank
+    /// reads its part, and none the mesh.
     ///
     /// # Errors
     /// As for [`Setup::new`]. On other ranks than the first one, [`SimulationError::OtherRank`] if that one failed.
+    /// [`SimulationError::Input`] on a rank that cannot read its part from a file; the others do not know of it.
     pub fn with_material(
         context: B::Context,
         case: Case,
         ranks: &dyn SetupRanks,
         material: impl FnOnce(Materials, &Mesh) -> Result<(M, Vec<String>), LibraryError>,
     ) -> Result<Self, SimulationError<B::Error>> {
-        if ranks.rank() > 0 {
+        if ranks.rank() > 0 || ranks.files().is_some() {
             return Self::received(context, case, ranks, material);
         }
         let rves_wait = case.materials().is_none();
         let set_up = Self::read(context, case, ranks, material);
-        if set_up.is_err() {
+        if set_up.is_err() && !ranks.are_files() {
             send_failure(ranks, rves_wait);
         }
         set_up
@@ -141,7 +156,7 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
     ) -> Result<Self, SimulationError<B::Error>> {
         let WholeBody { mesh: whole, conditions, boundary, materials, ranges, mut warnings } = WholeBody::read(&case)?;
         let unknowns = boundary.free_unknowns(whole.nodes().len());
-        let fields = case.materials().is_none().then(|| MaterialFields::of(&materials));
+        let fields = case.materials().is_none().then(|| MaterialFields::of(&materials, &case.folder()));
         let of_ranks = |count| Division::new(&whole, partition(&whole, count), count, boundary.node_groups());
         let division = (ranks.count() > 1).then(|| of_ranks(ranks.count()));
         let divide = |division| {
@@ -151,35 +166,50 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
         let divided = division.as_ref().map(divide).transpose().map_err(Box::new)?;
         let own_part = |divided: &BodyDivision<'_>| BodyPart::new(divided.piece(0), &conditions).transpose();
         let part = divided.as_ref().and_then(own_part).transpose().map_err(Box::new)?;
+        if part.is_none() && ranks.are_files() {
+            return Err(not_divisible(&case).into());
+        }
         let mesh = part.as_ref().map_or(&whole, |part| &**part.mesh());
         let (field, network_warnings) = material(materials, mesh)?;
         let Plausibility { warnings: implausible, loads: load_sizes } =
             plausibility::check(&case, &whole, field.library());
         warnings.extend(implausible);
-        warnings.extend(network_warnings);
         warnings.extend(without_networks(&case));
-        warnings.extend(idle_ranks(&case, &whole, field.ranks()));
-        warnings.extend(few_for_a_device(&case, &field.rve_counts().per_model));
         warnings.extend(macro_scale::imbalance(&case, &whole, &boundary));
+        let has_condition = |name: &str| case.boundaries.iter().any(|boundary| boundary.surface == name);
+        let surfaces = SurfacePlace::of_surfaces(&whole, has_condition);
+        let rve_points = rve_points(&case, &whole);
+        let mut of_whole =
+            ranks.are_files().then(|| OfWhole { surfaces: surfaces.clone(), rve_points, warnings: warnings.clone() });
+        if let (Some(of_whole), true) = (&mut of_whole, fields.is_some()) {
+            of_whole.warnings.extend_from_slice(&network_warnings);
+            let floppy = plausibility::floppy_networks(&case, field.library(), Examination::Quick);
+            of_whole.warnings.extend(floppy.warnings);
+        }
+        warnings.extend(network_warnings);
+        warnings.extend(idle_ranks(&case, rve_points, field.ranks()));
+        if part.is_none() {
+            warnings.extend(few_for_a_device(&case, &field.rve_counts().per_model));
+        }
         let networks = if part.is_some() && case.output.rve != ElementSelection::None {
             rve_files::points(&case, &Sites::new(field.library(), &whole)?)?
         } else {
             rve_files::points(&case, field.sites())?
         };
         let hashes = (hash_of_mesh(&whole), hash_of_fields(field.library().regions()));
-        let has_condition = |name: &str| case.boundaries.iter().any(|boundary| boundary.surface == name);
-        let surfaces = SurfacePlace::of_surfaces(&whole, has_condition);
-        send_fields(ranks, fields.as_ref()).map_err(SimulationError::OtherRank)?;
-        for rank in 1..ranks.count() {
+        send_fields(ranks, fields.as_ref())?;
+        let first = if ranks.are_files() { 0 } else { 1 };
+        for rank in first..ranks.count() {
             let of_part = |divided: &BodyDivision<'_>| PartSetup {
                 piece: divided.piece(rank),
                 fields: fields.as_ref().map(|fields| fields.on_points(&divided.points(rank))),
                 networks: networks.clone(),
                 unknowns,
                 hashes,
+                of_whole: of_whole.take(),
             };
             let of_part = divided.as_ref().filter(|_| part.is_some()).map(of_part);
-            send_setup(ranks, rank, of_part).map_err(SimulationError::OtherRank)?;
+            send_setup(ranks, rank, of_part)?;
         }
         drop(divided);
         let free_mode_supports = boundary.free_mode_supports().collect();
@@ -198,6 +228,7 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
             ranges,
             load_sizes,
             warnings,
+            has_all_networks: true,
         })
     }
 
@@ -209,24 +240,31 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
         material: impl FnOnce(Materials, &Mesh) -> Result<(M, Vec<String>), LibraryError>,
     ) -> Result<Self, SimulationError<B::Error>> {
         let other_rank = |reason: &str| SimulationError::OtherRank(reason.to_owned());
-        let setup = match receive_setup(ranks).map_err(SimulationError::OtherRank)? {
+        let setup = match receive_setup(ranks)? {
             RankSetup::Failed => return Err(other_rank("the first rank of the body could not set it up")),
             RankSetup::Undivided => return Self::read(context, case, &(), material),
             RankSetup::Part(setup) => *setup,
         };
-        let PartSetup { piece, fields, networks, unknowns, hashes } = setup;
+        let PartSetup { piece, fields, networks, unknowns, hashes, of_whole } = setup;
+        let has_all_networks = of_whole.is_some() && fields.is_none();
         let conditions = macro_scale::conditions(&case);
         let part = BodyPart::new(piece, &conditions).map_err(Box::new)?;
         let part = part.ok_or_else(|| other_rank("the first rank divided a body that cannot be divided"))?;
         let materials = fields.map_or_else(|| case.materials(), |fields| fields.materials(&case));
         let materials = materials.ok_or_else(|| other_rank("the ranks have different cases"))?;
-        let (field, _) = material(materials, part.mesh())?;
+        let (field, network_warnings) = material(materials, part.mesh())?;
+        let (mut surfaces, mut warnings) = (Vec::new(), Vec::new());
+        if let Some(of_whole) = of_whole {
+            (surfaces, warnings) = (of_whole.surfaces, of_whole.warnings);
+            warnings.extend(network_warnings.into_iter().filter(|_| has_all_networks));
+            warnings.extend(idle_ranks(&case, of_whole.rve_points, field.ranks()));
+        }
         Ok(Self {
             context,
             case,
             mesh: Arc::clone(part.mesh()),
             hashes,
-            surfaces: Vec::new(),
+            surfaces,
             conditions,
             part: Some(part),
             field,
@@ -235,7 +273,8 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
             free_mode_supports: Vec::new(),
             ranges: Vec::new(),
             load_sizes: Vec::new(),
-            warnings: Vec::new(),
+            warnings,
+            has_all_networks,
         })
     }
 
@@ -273,9 +312,10 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
 
     /// Finds the networks of regions without a matrix, or with a soft one, that have motions which no fiber resists: such
     /// equilibria take long to find. Factors a matrix for each network that is not too large, on the backend of the RVEs.
-    /// Finds none on the other ranks of a divided body, which do not have all materials.
+    /// Finds none on a rank that does not have all materials: the other ranks of a divided body, and those that read their
+    /// parts from files where materials vary; [`Setup::warnings`] then has what was found when the body was divided.
     pub fn floppy_networks(&self, examination: Examination) -> FloppyNetworks {
-        if self.mesh.part().is_some_and(|part| part.rank > 0) {
+        if !self.has_all_networks {
             return FloppyNetworks::default();
         }
         plausibility::floppy_networks(&self.case, self.field.library(), examination)
@@ -335,8 +375,14 @@ fn check_solver<B: RealBackend>(context: &B::Context, solver: &SolverParams) -> 
     B::solver(&symbolic).map(|_| ())
 }
 
-/// Returns a warning if there are more ranks for RVEs than integration points that may have one.
-fn idle_ranks(case: &Case, mesh: &Mesh, [of_body, of_rves]: [usize; 2]) -> Option<String> {
+/// Returns the error of a division of a body that ranks cannot divide.
+fn not_divisible(case: &Case) -> InputErrors {
+    let problem = "its body cannot be divided: one of its loads has no `Load::on_part`";
+    InputError::in_file(&case.file, problem, "loads that can be divided", "run the case without a division").into()
+}
+
+/// Returns the number of integration points that may have an RVE.
+fn rve_points(case: &Case, mesh: &Mesh) -> usize {
     let has_rves = |name: &String| {
         let region = case.region_of(name).map(|region| &case.regions[region].material);
         matches!(region, Some(RegionMaterial::FiberRve(_)))
@@ -344,7 +390,11 @@ fn idle_ranks(case: &Case, mesh: &Mesh, [of_body, of_rves]: [usize; 2]) -> Optio
     let has_rves: Vec<bool> = mesh.regions().iter().map(has_rves).collect();
     let points = |element: usize| mesh.points().of_element(element).len();
     let elements = mesh.region_of().iter().enumerate().filter(|&(_, &region)| has_rves[region as usize]);
-    let points: usize = elements.map(|(element, _)| points(element)).sum();
+    elements.map(|(element, _)| points(element)).sum()
+}
+
+/// Returns a warning if there are more ranks for RVEs than integration points that may have one.
+fn idle_ranks(case: &Case, points: usize, [of_body, of_rves]: [usize; 2]) -> Option<String> {
     // There is at least one rank for RVEs.
     (of_rves > points.max(1)).then(|| {
         let rves = if points == 0 { "none".to_owned() } else { format!("at most {points}") };

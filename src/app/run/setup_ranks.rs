@@ -1,11 +1,15 @@
 //! Ranks that set up a case together: the first rank of the body reads the mesh, and sends the others what they need.
 
 use serde::{Deserialize, Serialize};
+use thiserror::Error;
 
+use super::body_files::BodyFiles;
 use crate::app::case::Case;
 use crate::app::material_fields::MaterialFields;
+use crate::app::results::log::SurfacePlace;
 use crate::coupling::Scales;
 use crate::fem::stepping::BodyPiece;
+use crate::input::InputErrors;
 use crate::las::{Comm, CommError, Message, Tag};
 use crate::tissue::materials::Materials;
 use crate::tissue::two_scale::{MACRO, MICRO, pack, unpack};
@@ -24,20 +28,54 @@ pub trait SetupRanks {
     /// Sends a message to a rank of the body.
     ///
     /// # Errors
-    /// Returns the error of the connection.
-    fn send(&self, rank: usize, message: Message) -> Result<(), CommError>;
+    /// Returns the error of the connection, or of the file.
+    fn send(&self, rank: usize, message: Message) -> Result<(), ExchangeError>;
 
-    /// Receives a message of the first rank of the body.
+    /// Receives the part of this rank.
     ///
     /// # Errors
-    /// Returns the error of the connection.
-    fn receive(&self) -> Result<Message, CommError>;
+    /// Returns the error of the connection, or of the file.
+    fn receive(&self) -> Result<Message, ExchangeError>;
 
     /// Sends a message to all ranks of the RVEs.
     ///
     /// # Errors
-    /// Returns the error of the connection.
-    fn send_to_rves(&self, message: &Message) -> Result<(), CommError>;
+    /// Returns the error of the connection, or of the file.
+    fn send_to_rves(&self, message: &Message) -> Result<(), ExchangeError>;
+
+    /// Returns the files from which every rank reads its part, if the body was divided before.
+    fn files(&self) -> Option<&BodyFiles> {
+        None
+    }
+
+    /// Returns true if these are files from which the ranks of later runs read: then the first rank needs its part too, and
+    /// the body must be one that can be divided.
+    fn are_files(&self) -> bool {
+        false
+    }
+}
+
+/// The reason why the ranks do not get what they set up from.
+#[derive(Debug, Error)]
+pub enum ExchangeError {
+    /// The connection failed, or another rank.
+    #[error("{0}")]
+    Ranks(String),
+    /// A file of a body that was divided before cannot be read or written.
+    #[error(transparent)]
+    File(#[from] InputErrors),
+}
+
+impl From<CommError> for ExchangeError {
+    fn from(error: CommError) -> Self {
+        Self::Ranks(error.to_string())
+    }
+}
+
+impl From<postcard::Error> for ExchangeError {
+    fn from(error: postcard::Error) -> Self {
+        Self::Ranks(format!("the setup of the body cannot be exchanged between the ranks: {error}"))
+    }
 }
 
 /// A single process.
@@ -50,15 +88,15 @@ impl SetupRanks for () {
         1
     }
 
-    fn send(&self, _: usize, _: Message) -> Result<(), CommError> {
+    fn send(&self, _: usize, _: Message) -> Result<(), ExchangeError> {
         Ok(())
     }
 
-    fn receive(&self) -> Result<Message, CommError> {
+    fn receive(&self) -> Result<Message, ExchangeError> {
         Ok(Message::new())
     }
 
-    fn send_to_rves(&self, _: &Message) -> Result<(), CommError> {
+    fn send_to_rves(&self, _: &Message) -> Result<(), ExchangeError> {
         Ok(())
     }
 }
@@ -71,6 +109,8 @@ pub struct ScaleRanks<'a, C: Comm> {
     pub scales: &'a Scales<C>,
     /// Whether the body is divided among the ranks of the macro scale.
     pub divides: bool,
+    /// The files of the body, if it was divided before.
+    pub files: Option<&'a BodyFiles>,
 }
 
 impl<C: Comm> ScaleRanks<'_, C> {
@@ -83,18 +123,22 @@ impl<C: Comm> ScaleRanks<'_, C> {
     }
 
     /// Returns the materials of a case on a rank of the micro scale. Those that depend on the mesh come from the macro
-    /// scale.
+    /// scale, or from the files of the body.
     ///
     /// # Errors
-    /// Returns the reason as text if the macro scale failed, or the connection to it.
-    pub fn materials(&self, case: &Case) -> Result<Materials, String> {
+    /// Returns [`ExchangeError`] if the macro scale failed, or the connection to it, or if the file cannot be read.
+    pub fn materials(&self, case: &Case) -> Result<Materials, ExchangeError> {
         if let Some(materials) = case.materials() {
             return Ok(materials);
         }
-        let message = self.world.receive(self.root(), SETUP).map_err(|error| error.to_string())?;
-        let fields: Option<MaterialFields> = unpack(&message).map_err(|error| error.to_string())?;
-        let fields = fields.ok_or("the macro scale could not be set up")?;
-        fields.materials(case).ok_or_else(|| "the ranks have different cases".into())
+        let message = match self.files {
+            Some(files) => files.fields()?,
+            None => self.world.receive(self.root(), SETUP)?,
+        };
+        let failed = |reason: &str| ExchangeError::Ranks(reason.into());
+        let fields: Option<MaterialFields> = unpack(&message)?;
+        let fields = fields.ok_or_else(|| failed("the macro scale could not be set up"))?;
+        fields.materials(case).ok_or_else(|| failed("the ranks have different cases"))
     }
 }
 
@@ -107,16 +151,23 @@ impl<C: Comm> SetupRanks for ScaleRanks<'_, C> {
         if self.divides { self.scales.comm().size() } else { 1 }
     }
 
-    fn send(&self, rank: usize, message: Message) -> Result<(), CommError> {
-        self.world.send(self.ranks_of(MACRO)[rank], SETUP, message)
+    fn send(&self, rank: usize, message: Message) -> Result<(), ExchangeError> {
+        Ok(self.world.send(self.ranks_of(MACRO)[rank], SETUP, message)?)
     }
 
-    fn receive(&self) -> Result<Message, CommError> {
-        self.world.receive(self.root(), SETUP)
+    fn receive(&self) -> Result<Message, ExchangeError> {
+        Ok(match self.files {
+            Some(files) => files.part(self.rank())?,
+            None => self.world.receive(self.root(), SETUP)?,
+        })
     }
 
-    fn send_to_rves(&self, message: &Message) -> Result<(), CommError> {
-        self.ranks_of(MICRO).iter().try_for_each(|&rank| self.world.send(rank, SETUP, message.clone()))
+    fn send_to_rves(&self, message: &Message) -> Result<(), ExchangeError> {
+        self.ranks_of(MICRO).iter().try_for_each(|&rank| Ok(self.world.send(rank, SETUP, message.clone())?))
+    }
+
+    fn files(&self) -> Option<&BodyFiles> {
+        self.files
     }
 }
 
@@ -143,30 +194,42 @@ pub(super) struct PartSetup {
     pub unknowns: usize,
     /// The hashes of the whole mesh and of its material fields.
     pub hashes: (u64, Option<u64>),
+    /// What else the first rank needs, if it reads a file.
+    pub of_whole: Option<OfWhole>,
+}
+
+/// What the first rank needs to know of the whole body, besides what all ranks do.
+#[derive(Debug, Default, Deserialize, Serialize)]
+pub(super) struct OfWhole {
+    /// The surfaces with boundary conditions.
+    pub surfaces: Vec<SurfacePlace>,
+    /// The number of integration points that may have an RVE.
+    pub rve_points: usize,
+    /// The warnings of the body; if its materials vary, also those of the networks, of which a part has only some.
+    pub warnings: Vec<String>,
 }
 
 /// Sends a rank its part; `None` if the body cannot be divided.
-pub(super) fn send_setup(ranks: &dyn SetupRanks, rank: usize, part: Option<PartSetup>) -> Result<(), String> {
+pub(super) fn send_setup(ranks: &dyn SetupRanks, rank: usize, part: Option<PartSetup>) -> Result<(), ExchangeError> {
     let setup = part.map_or(RankSetup::Undivided, |part| RankSetup::Part(Box::new(part)));
-    ranks.send(rank, packed(&setup)?).map_err(|error| error.to_string())
+    ranks.send(rank, pack(&setup)?)
 }
 
 /// Receives what the first rank sends.
-pub(super) fn receive_setup(ranks: &dyn SetupRanks) -> Result<RankSetup, String> {
-    let message = ranks.receive().map_err(|error| error.to_string())?;
-    unpack(&message).map_err(|error| error.to_string())
+pub(super) fn receive_setup(ranks: &dyn SetupRanks) -> Result<RankSetup, ExchangeError> {
+    Ok(unpack(&ranks.receive()?)?)
 }
 
 /// Sends the ranks of the RVEs the materials, if these depend on the mesh, without the values at points: these come with
 /// the RVEs.
-pub(super) fn send_fields(ranks: &dyn SetupRanks, fields: Option<&MaterialFields>) -> Result<(), String> {
+pub(super) fn send_fields(ranks: &dyn SetupRanks, fields: Option<&MaterialFields>) -> Result<(), ExchangeError> {
     let Some(fields) = fields else { return Ok(()) };
-    ranks.send_to_rves(&packed(&Some(fields.on_points(&[])))?).map_err(|error| error.to_string())
+    ranks.send_to_rves(&pack(&Some(fields.on_points(&[])))?)
 }
 
 /// Tells all ranks that wait that the case could not be set up.
 pub(super) fn send_failure(ranks: &dyn SetupRanks, rves_wait: bool) {
-    let (Ok(of_part), Ok(of_rves)) = (packed(&RankSetup::Failed), packed(&None::<MaterialFields>)) else { return };
+    let (Ok(of_part), Ok(of_rves)) = (pack(&RankSetup::Failed), pack(&None::<MaterialFields>)) else { return };
     // A rank that does not get the message has failed itself, which ends all ranks.
     for rank in 1..ranks.count() {
         let _ = ranks.send(rank, of_part.clone());
@@ -174,8 +237,4 @@ pub(super) fn send_failure(ranks: &dyn SetupRanks, rves_wait: bool) {
     if rves_wait {
         let _ = ranks.send_to_rves(&of_rves);
     }
-}
-
-fn packed<T: Serialize>(value: &T) -> Result<Message, String> {
-    pack(value).map_err(|error| format!("the setup of the body cannot be sent to other ranks: {error}"))
 }

@@ -19,6 +19,7 @@
 mod check;
 mod conditions;
 mod dispatch;
+mod divide;
 mod error_hints;
 mod failure;
 mod fiber_type;
@@ -55,6 +56,7 @@ struct Arguments {
 enum Command {
     Run(run::RunCommand),
     Check(check::CheckCommand),
+    Divide(divide::DivideCommand),
     Rve(rve::RveCommand),
     /// Make, examine and clean fiber networks
     #[command(subcommand)]
@@ -74,6 +76,7 @@ fn main() -> ExitCode {
     let outcome: Result<(), Failure> = match arguments.command {
         Command::Run(command) => run::run(command),
         Command::Check(command) => check::check(&command),
+        Command::Divide(command) => divide::run(command),
         Command::Rve(command) => rve::run(command),
         Command::Network(command) => network::run(command),
         Command::Mesh(command) => mesh::run(command),

@@ -40,6 +40,9 @@ pub struct RunCommand {
     /// Continue after the last converged step in the result directory; without results, start from the beginning
     #[arg(long)]
     resume: bool,
+    /// Folder with the body divided by `biotissue divide` among as many ranks as it has here: none holds the whole mesh
+    #[arg(long, value_name = "DIR")]
+    divided: Option<PathBuf>,
     /// Configuration file of the original AMSI: which ranks each scale gets, and where results go
     #[arg(short = 'a', long = "amsi", value_name = "FILE")]
     amsi: Option<PathBuf>,
@@ -90,10 +93,12 @@ pub fn run(command: RunCommand) -> Result<(), Failure> {
     let steps = StepOptions { dir: &dir, is_named, resume: command.resume, report_every };
     // A single process started by mpirun is one rank.
     let requested = command.ranks.or_else(ranks::started_by_mpirun);
+    let divided = command.divided.as_deref();
     let summary = match ranks::of_threads(requested, case.scales, plan.as_ref().map(|(plan, _)| plan)) {
+        None if divided.is_some() => return Err(ranks::not_divided()),
         None => dispatch(backend, RunJob { case, steps })?,
         Some(count) if count > MAX_THREADS => return Err(too_many_ranks(count)),
-        Some(count) => ranks::on_threads(count, &RunContext { case, steps, backend, plan, time_out })?,
+        Some(count) => ranks::on_threads(count, &RunContext { case, steps, backend, plan, time_out, divided })?,
     };
     print_summary(&summary, &dir, command.json)
 }
@@ -284,7 +289,7 @@ fn run_on_processes(processes: usize, command: RunCommand) -> Result<(), Failure
         let (dir, is_named) = (command.dir(&case, &config), command.names_dir(&config));
         let (backend, plan) = (command.common.backend(), config.plan);
         let steps = StepOptions { dir: &dir, is_named, resume: command.resume, report_every };
-        let run = RunContext { case, steps, backend, plan, time_out };
+        let run = RunContext { case, steps, backend, plan, time_out, divided: command.divided.as_deref() };
         Ok(match ranks::on_processes(&world, &run)? {
             Some(outcome) => outcome.and_then(|summary| print_summary(&summary, &dir, command.json)),
             None => Ok(()),

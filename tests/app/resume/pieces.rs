@@ -35,7 +35,7 @@ fn a_run_is_resumed_from_the_checkpoint_before_one_with_a_damaged_piece() {
                 bytes[200] ^= 1;
                 fs::write(path, bytes).unwrap();
             }),
-            ("damaged: does not begin like a checkpoint", &|path| fs::write(path, "").unwrap()),
+            ("damaged: does not begin like a file of this program", &|path| fs::write(path, "").unwrap()),
             ("damaged: belongs to another checkpoint", &|path| {
                 fs::copy(piece(&whole, kind, 3), path).map(|_| ()).unwrap()
             }),

@@ -3,7 +3,7 @@
 use std::sync::OnceLock;
 
 use biotissue::app::Examination;
-use biotissue::app::run::{RootWriter, ScaleRanks, Setup, WriterGroup};
+use biotissue::app::run::{BodyFiles, ExchangeError, RootWriter, ScaleRanks, Setup, WriterGroup};
 use biotissue::app::rve_device;
 use biotissue::backends::BackendName;
 use biotissue::coupling::{ScaleError, Scales};
@@ -13,7 +13,7 @@ use biotissue::tissue::two_scale::{
     self, BodySolve, MACRO, MICRO, MicroOutput, ProgressChannel, ScaleField, TwoScaleError,
 };
 
-use super::{Outcome, Ranks, RunContext, agreed, ranks_failed};
+use super::{Outcome, Ranks, RunContext, agreed, not_divided, ranks_failed};
 use crate::dispatch::{Job, ProgramBackend, dispatch};
 use crate::error_hints::{CaseHints, no_device, not_set_up};
 use crate::failure::Failure;
@@ -30,39 +30,43 @@ pub(super) fn on_scale<C: Ranks>(
     // All ranks hold it until they end, because freeing it is collective.
     let progress = ProgressChannel::new(world, run.steps.report_every, run.time_out);
     let progress = &progress.map_err(|error| ranks_failed(&error))?;
-    match scales.name(scales.own()) {
+    let name = scales.name(scales.own());
+    let files = match body_files(world, scales, run)? {
+        Ok(files) => files,
+        // The first rank of the body reports what all ranks know.
+        Err(failure) => return Ok((name == MACRO && scales.comm().rank() == 0).then_some(Err(failure))),
+    };
+    let files = files.as_ref();
+    match name {
         MICRO => {
             // PETSc and CUDA solve only for the body. The RVEs then use the first compiled backend, which
             // `ProgramBackend::Micro` of these must equal.
             let of_body = [BackendName::Petsc, BackendName::Cuda].map(BackendName::as_str);
             let backend = run.backend.filter(|name| !of_body.contains(name));
-            return dispatch(backend, MicroRank { world, scales, run, progress });
+            return dispatch(backend, MicroRank { world, scales, run, files, progress });
         }
         MACRO => {}
         other => return Err(ranks_failed(&ScaleError::NoMain(other.to_owned()))),
     }
     #[cfg(feature = "petsc")]
     if run.backend == Some(BackendName::Petsc.as_str()) {
-        return run_distributed(world, scales, run, progress);
+        return run_distributed(MacroRank { world, scales, run, files, progress, body_solve: BodySolve::Distributed });
     }
     match scales.comm().rank() {
-        0 => dispatch(run.backend, MacroRank { world, scales, run, progress, body_solve: BodySolve::Root }).map(Some),
+        0 => {
+            let rank = MacroRank { world, scales, run, files, progress, body_solve: BodySolve::Root };
+            dispatch(run.backend, rank).map(Some)
+        }
         _ => run_follower(world, scales),
     }
 }
 
 /// Runs the macro scale on all its ranks with PETSc; only the root returns the outcome.
 #[cfg(feature = "petsc")]
-fn run_distributed<C: Ranks>(
-    world: &C,
-    scales: &Scales<C>,
-    run: &RunContext<'_>,
-    progress: &ProgressChannel<C>,
-) -> Result<Option<Outcome>, Failure> {
-    let context = scales.comm().petsc()?;
-    let rank = MacroRank { world, scales, run, progress, body_solve: BodySolve::Distributed };
-    let outcome = rank.run::<biotissue::backends::petsc::Petsc>(context)?;
-    Ok((scales.comm().rank() == 0).then_some(outcome))
+fn run_distributed<C: Ranks>(rank: MacroRank<'_, C>) -> Result<Option<Outcome>, Failure> {
+    let ranks = rank.scales.comm();
+    let outcome = rank.run::<biotissue::backends::petsc::Petsc>(ranks.petsc()?)?;
+    Ok((ranks.rank() == 0).then_some(outcome))
 }
 
 fn run_follower<C: Ranks>(world: &C, scales: &Scales<C>) -> Result<Option<Outcome>, Failure> {
@@ -72,11 +76,31 @@ fn run_follower<C: Ranks>(world: &C, scales: &Scales<C>) -> Result<Option<Outcom
     Ok(None)
 }
 
+/// Opens the files of the body on its first rank, if the run names them, for all ranks. The inner error is known to all.
+fn body_files<C: Ranks>(
+    world: &C,
+    scales: &Scales<C>,
+    run: &RunContext<'_>,
+) -> Result<Result<Option<BodyFiles>, Failure>, Failure> {
+    let Some(folder) = run.divided else { return Ok(Ok(None)) };
+    let petsc = BackendName::Petsc.as_str();
+    let ranks = scales.find(MACRO).map_or(&[][..], |scale| scales.ranks(scale));
+    let (Some(&root), true) = (ranks.first(), ranks.len() > 1 && run.backend == Some(petsc)) else {
+        return Ok(Err(not_divided()));
+    };
+    let opened = (world.rank() == root).then(|| BodyFiles::open(folder, &run.case, petsc, ranks.len()));
+    Ok(match agreed(world, opened.transpose().map_err(Failure::from))? {
+        Ok(opened) => Ok(Some(BodyFiles::on_all(opened, world, root, folder).map_err(|error| ranks_failed(&error))?)),
+        Err(failure) => Err(failure),
+    })
+}
+
 /// A rank of the micro scale.
 struct MicroRank<'a, C: Comm> {
     world: &'a C,
     scales: &'a Scales<C>,
     run: &'a RunContext<'a>,
+    files: Option<&'a BodyFiles>,
     progress: &'a ProgressChannel<C>,
 }
 
@@ -84,13 +108,17 @@ impl<C: Ranks> Job for MicroRank<'_, C> {
     type Output = Option<Outcome>;
 
     fn run<B: ProgramBackend>(self, _: B::Context) -> Result<Self::Output, Failure> {
-        let Self { world, scales, run, progress } = self;
+        let Self { world, scales, run, files, progress } = self;
         let device = rve_device::open(run.case.micro.device, scales.comm().rank());
         let of_rank = device.as_ref().ok().and_then(Option::as_ref);
         let sharing = rve_device::ranks_of_device(scales.comm(), of_rank).map_err(|error| ranks_failed(&error))?;
         // The macro scale reads the same files and reports their errors.
-        let ranks = ScaleRanks { world, scales, divides: false };
-        let read = ranks.materials(&run.case).map_err(|error| ranks_failed(&error)).and_then(|materials| {
+        let ranks = ScaleRanks { world, scales, divides: false, files };
+        let materials = ranks.materials(&run.case).map_err(|error| match error {
+            ExchangeError::File(errors) => errors.into(),
+            ExchangeError::Ranks(reason) => ranks_failed(&reason),
+        });
+        let read = materials.and_then(|materials| {
             let (mut library, warnings) =
                 Library::<B::Micro>::read((), materials).map_err(|error| ranks_failed(&error))?;
             let failed = |error| no_device(&run.case.file, &error);
@@ -116,6 +144,7 @@ struct MacroRank<'a, C: Comm> {
     world: &'a C,
     scales: &'a Scales<C>,
     run: &'a RunContext<'a>,
+    files: Option<&'a BodyFiles>,
     progress: &'a ProgressChannel<C>,
     body_solve: BodySolve,
 }
@@ -125,12 +154,12 @@ impl<C: Ranks> Job for MacroRank<'_, C> {
 
     /// Runs with the body on backend `B`. An outer error is one unknown to the other ranks.
     fn run<B: ProgramBackend>(self, context: B::Context) -> Result<Self::Output, Failure> {
-        let Self { world, scales, run, progress, body_solve } = self;
+        let Self { world, scales, run, files, progress, body_solve } = self;
         let case = run.case.clone();
         let hints = CaseHints::of(&case);
         let balances = case.scales.balance.map(|balance| balance.when);
         let divides = body_solve == BodySolve::Distributed && scales.comm().size() > 1;
-        let among = ScaleRanks { world, scales, divides };
+        let among = ScaleRanks { world, scales, divides, files };
         let setup = Setup::<B, ScaleField<'_, C, B::Micro>>::with_material(context, case, &among, |materials, mesh| {
             ScaleField::new((scales, body_solve, balances), (), materials, mesh)
         });

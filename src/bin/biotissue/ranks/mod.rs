@@ -61,6 +61,17 @@ pub struct RunContext<'a> {
     pub plan: Option<(Plan, PathBuf)>,
     /// Maximum time that ranks wait for each other.
     pub time_out: Option<Duration>,
+    /// The folder of a divided body.
+    pub divided: Option<&'a Path>,
+}
+
+/// The error of a run that cannot use a divided body.
+pub fn not_divided() -> Failure {
+    Failure::arguments(
+        "--divided for a body that this run does not divide",
+        "a run on petsc with several ranks of the body",
+        "add --backend petsc, start it by mpirun with `macro` of [scales] above 1, or leave --divided out",
+    )
 }
 
 /// Returns the number of processes that `mpirun` started; `None` if it did not start this one.
