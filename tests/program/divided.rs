@@ -111,6 +111,8 @@ fn a_division_of_something_else_is_refused() {
         let failed = line(folder, &format!("divide case.toml --ranks {ranks} --out divided"));
         assert!(failed.failed(2).contains("expected: 2 to 100000 ranks"), "{}", failed.stderr);
     }
+    let failed = launched(folder, 3, "run case.toml --backend petsc --out out --divided case.toml").output().unwrap();
+    assert!(String::from_utf8_lossy(&failed.stderr).contains("case.toml: is a file"));
     let run = "run case.toml --backend petsc --out out --divided divided";
     let refused = |expected: &str| {
         refused(folder, 3, run, expected);

@@ -119,6 +119,10 @@ impl BodyFiles {
     /// # Errors
     /// Returns [`InputErrors`] if there is no division, or if it is one of another case, backend or number of ranks.
     pub fn open(folder: &Path, case: &Case, backend: &str, ranks: usize) -> Result<Self, InputErrors> {
+        if folder.is_file() {
+            let cure = "name the folder that `biotissue divide` has written";
+            return Err(invalid(folder, "is a file", cure));
+        }
         let (case_file, out) = (case.file.display(), folder.display());
         let cure = format!("divide the body again: `biotissue divide {case_file} --ranks {ranks} --out {out}`");
         let other = |problem: String| invalid(&folder.join(HEADER), problem, &cure);

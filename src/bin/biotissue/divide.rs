@@ -47,7 +47,7 @@ pub fn run(command: DivideCommand) -> Result<(), Failure> {
     let DivisionReport { elements, largest, warnings } = divided;
     output::warn(&warnings);
     let (out, largest) = (out.display(), 1e-6 * largest as f64);
-    output::print(&format!("{elements} elements in {ranks} parts in {out}, the largest of {largest:.1} MB"))
+    output::print(&format!("{elements} elements in {ranks} parts in {out}, the largest of {largest:.3} MB"))
 }
 
 /// Reports that this program has no backend for a divided body.
