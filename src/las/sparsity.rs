@@ -29,6 +29,9 @@ pub enum SparsityError {
         /// Number of column indices.
         entries: usize,
     },
+    /// There are no row offsets, of which a pattern without rows has one.
+    #[error("there are no row starts: a pattern without rows has one, 0")]
+    NoRowStarts,
     /// A column is out of range.
     #[error("row {row} names column {column}, but there are {cols}")]
     Column {
@@ -357,10 +360,11 @@ fn check_size(count: usize) -> Result<(), SparsityError> {
 }
 
 fn check_row_start(row_offsets: &[u32], entries: usize) -> Result<(), SparsityError> {
-    let wrong =
-        |row: usize| SparsityError::RowStart { row, found: row_offsets.get(row).map_or(0, |&s| s as usize), entries };
-    if row_offsets.first() != Some(&0) {
-        return Err(wrong(0));
+    let wrong = |row: usize| SparsityError::RowStart { row, found: row_offsets[row] as usize, entries };
+    match row_offsets.first() {
+        Some(0) => {}
+        Some(_) => return Err(wrong(0)),
+        None => return Err(SparsityError::NoRowStarts),
     }
     if let Some(row) = row_offsets.windows(2).position(|pair| pair[0] > pair[1]) {
         return Err(wrong(row + 1));
@@ -392,6 +396,7 @@ mod tests {
         let e = Sparsity::from_elements(2, [[0, 2]]).unwrap_err();
         assert_eq!(e, SparsityError::Column { row: 0, column: 2, cols: 2 });
         let cases = [
+            (vec![], vec![], SparsityError::NoRowStarts),
             (vec![1, 2], vec![0, 0], SparsityError::RowStart { row: 0, found: 1, entries: 2 }),
             (vec![0, 2, 1], vec![0], SparsityError::RowStart { row: 2, found: 1, entries: 1 }),
             (vec![0, 1], vec![0, 1], SparsityError::RowStart { row: 1, found: 1, entries: 2 }),

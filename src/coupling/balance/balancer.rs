@@ -13,6 +13,61 @@ use crate::las::{Comm, Message, SendRequest, Tag};
 
 /// Decides when the units of one scale move, by a [`Trigger`] that gets the times of the slowest rank: all ranks decide
 /// equally. The caller moves the units ([`migrate`](super::migrate)) and updates their couplings.
+///
+/// # Example: cells some of which cost more, for one sweep after the other
+///
+/// The histories are data of the cells: they move with them.
+///
+/// ```
+/// use std::time::Instant;
+/// use biotissue::coupling::balance::{
+///     Balancer, Cost, CostHistory, LongestFirst, Seconds, TriggerParams, UnitLoads, Weights, migrate, record,
+/// };
+/// use biotissue::coupling::{Comm, Message, thread};
+///
+/// let counts = thread::run(2, |cells| -> Result<usize, Box<dyn std::error::Error>> {
+///     // The cells 0 to 3 of the first rank cost 3 s each, the cells 4 to 7 of the second one 1 s.
+///     let first = 4 * cells.rank() as u64;
+///     let mut units: Vec<u64> = (first..first + 4).collect();
+///     let mut histories = vec![CostHistory::new(0); units.len()];
+///     let (mut weights, mut balancer) = (Seconds, Balancer::new(TriggerParams::default()));
+///     for _sweep in 0..3 {
+///         // A code measures these.
+///         let costs: Vec<Cost> = units
+///             .iter()
+///             .map(|&unit| Cost { seconds: if unit < 4 { 3.0 } else { 1.0 }, ..Cost::default() })
+///             .collect();
+///         let seconds = costs.iter().map(|cost| cost.seconds).sum();
+///         record(&cells, &mut weights, &mut histories, &costs)?;
+///         balancer.observe(&cells, seconds, &mut histories, &costs)?;
+///         if !balancer.is_due() {
+///             continue;
+///         }
+///         let expected: Vec<f64> = histories.iter().map(|history| weights.weight(history)).collect();
+///         let own = UnitLoads { weights: &expected, ..UnitLoads::default() };
+///         let Some(due) = balancer.plan(&cells, &LongestFirst::default(), own, &mut histories)? else { continue };
+///         let start = Instant::now();
+///         let moves = due.moves(cells.rank());
+///         let (migration, arrived) = migrate(&cells, moves, &units, |cell| {
+///             Message::join(vec![Message::of(&[units[cell]]), Message::of(&[histories[cell]])])
+///         })?;
+///         let (mut new_units, mut new_histories) = (Vec::new(), Vec::new());
+///         for cell in &arrived {
+///             let parts = cell.split().ok_or("a cell has another form")?;
+///             new_units.extend_from_slice(Message::of(parts[0]).values::<u64>().ok_or("no number")?);
+///             new_histories.extend_from_slice(Message::of(parts[1]).values::<CostHistory>().ok_or("no history")?);
+///         }
+///         units = migration.apply(units, new_units)?;
+///         histories = migration.apply(histories, new_histories)?;
+///         histories.iter_mut().for_each(CostHistory::restart);
+///         // Here, update every coupling of the cells: `coupling.migrate(&migration)`.
+///         balancer.migrated(&cells, &due, start.elapsed().as_secs_f64())?;
+///     }
+///     Ok(units.iter().filter(|&&unit| unit < 4).count())
+/// })?;
+/// assert_eq!(counts, [2, 2]); // each rank has two of the expensive cells
+/// # Ok::<(), thread::Failed>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Balancer {
     trigger: Trigger,
