@@ -77,8 +77,18 @@ fn a_division_moves_with_its_case() {
     flip_a_bit(&after.join("divided/fields.bin"));
     refused(&after, 5, run, "divided/fields.bin: its ");
     let fields = read(&after, "fields.csv");
-    std::fs::write(after.join("fields.csv"), fields + "\n").unwrap();
+    std::fs::write(after.join("fields.csv"), format!("{fields}\n")).unwrap();
     refused(&after, 5, run, "was made with another content of fields.csv");
+    std::fs::write(after.join("fields.csv"), fields).unwrap();
+    // Other networks of the same names, and one more.
+    let case = read(&after, "case.toml");
+    let copied = std::process::Command::new("cp").args(["-r", "networks", "others"]).current_dir(&after).status();
+    assert!(copied.unwrap().success());
+    write_case(&after, "case.toml", &case.replace("networks/*.txt", "others/*.txt"));
+    refused(&after, 5, run, "was made for another case: the case differs in [files]");
+    write_case(&after, "case.toml", &case);
+    line(&after, "network generate --points 25 -o networks/network-0003.txt").done();
+    refused(&after, 5, run, "was made for another case: the case differs in [region.material]");
 }
 
 fn flip_a_bit(path: &Path) {
@@ -125,6 +135,7 @@ fn a_division_of_something_else_is_refused() {
     assert!(!folder.join("divided/part-00002.bin").exists());
     for (before, after, expected) in [
         ("pressure = 80.0", "pressure = 81.0", "was made for another case: the case differs in [[boundary]]"),
+        ("count = 2", "count = 3", "the case differs in [steps]"),
         ("[newton]\n", "[newton]\nsolver = \"direct\"\n", "the case differs in [newton]"),
         (
             "[output]\n",
@@ -152,8 +163,8 @@ fn a_division_of_something_else_is_refused() {
     flip_a_bit(&part("divided"));
     refused("part-00001.bin: its ");
     std::fs::copy(folder.join("kept"), part("divided")).unwrap();
-    // Load steps and settings may change, and a division that fails leaves the earlier one.
-    write(&text.replace("count = 2", "count = 3").replace("tolerance = 1e-12", "tolerance = 1e-11"));
+    // Settings may change, and a division that fails leaves the earlier one.
+    write(&text.replace("tolerance = 1e-12", "tolerance = 1e-11").replace("points = true", "points = false"));
     let broken = text.replace("surface = \"z1\"", "surface = \"nothing\"");
     write_case(folder, "broken.toml", &broken);
     assert!(line(folder, "divide broken.toml --ranks 2 --out divided").failed(2).contains("nothing"));
@@ -170,6 +181,9 @@ fn other_files_are_not_replaced_by_a_division() {
     for name in ["part-00001.bin", "part-00002.bin"] {
         std::fs::write(folder.join("mine").join(name), "mine").unwrap();
     }
+    // What an interrupted division leaves, and a folder.
+    std::fs::write(folder.join("mine/.part-00001.bin.Ab3xYz.part"), b"BIOTISSU\x08\0\0\0rest").unwrap();
+    std::fs::create_dir(folder.join("mine/part-00003.bin")).unwrap();
     let failed = line(folder, "divide case.toml --ranks 2 --out mine");
     assert!(failed.failed(2).contains("part-00001.bin: cannot be written: another file has this name"));
     assert_eq!(read(folder, "mine/part-00001.bin"), "mine");
@@ -177,6 +191,7 @@ fn other_files_are_not_replaced_by_a_division() {
     std::fs::remove_file(folder.join("mine/part-00001.bin")).unwrap();
     line(folder, "divide case.toml --ranks 2 --out mine").done();
     assert_eq!(read(folder, "mine/part-00002.bin"), "mine");
+    assert!(!folder.join("mine/.part-00001.bin.Ab3xYz.part").exists() && folder.join("mine/part-00003.bin").is_dir());
     // Only PETSc divides a body, and only among several ranks.
     let expected = "--divided for a body that this run does not divide";
     for options in ["--backend sparse --ranks 3", "--backend petsc", ""] {

@@ -126,19 +126,27 @@ pub(in crate::app) fn is_same_run(before: &Case, now: &Case) -> bool {
 pub(in crate::app) struct DivisionCase {
     /// The case as text.
     pub text: String,
-    /// The files that its mesh and its fields come from.
+    /// The files that its mesh and its fields come from, once for each use.
     pub files: Vec<PathBuf>,
 }
 
-/// Returns what the division of the body of a case depends on.
+/// Returns what the division of the body of a case depends on: the content and the names of files, those in the folder of the
+/// case relative to it.
 pub(in crate::app) fn division_of(case: &Case) -> DivisionCase {
-    let mut files: Vec<PathBuf> = files_mut(&mut case.clone()).into_iter().map(|file| file.clone()).collect();
-    // Several fields may be in one file.
-    files.sort_unstable();
-    files.dedup();
+    let files: Vec<PathBuf> = files_mut(&mut case.clone()).into_iter().map(|file| file.clone()).collect();
     // The points whose networks are written are part of the division.
     let output = OutputCase { rve: case.output.rve.clone(), ..OutputCase::default() };
-    DivisionCase { text: text_with(case, output), files }
+    let mut text = text_with(case, output);
+    let chosen = case.regions.iter().filter_map(|region| match &region.material {
+        RegionMaterial::FiberRve(rve) => matches!(rve.assignment, NetworkAssignment::Field(_)).then_some(&rve.networks),
+        RegionMaterial::Formula(_) => None,
+    });
+    let folder = case.folder();
+    text.push_str("[files]\n");
+    for file in files.iter().chain(chosen.flatten()) {
+        text.push_str(&format!("{:?}\n", file.strip_prefix(&folder).unwrap_or(file)));
+    }
+    DivisionCase { text, files }
 }
 
 impl DivisionCase {
@@ -146,9 +154,9 @@ impl DivisionCase {
     pub fn difference_from(&self, before: &str) -> Option<Mismatch> {
         let ((before, _), (now, _)) = (without_optional(before), without_optional(&self.text));
         let is_of_division = |&Difference { section, before, now }: &Difference<'_>| {
-            // The solver of the body is chosen with its division. The conditions of a step come from the case.
+            // The solver of the body is chosen with its division.
             let is_solver = section == "[newton]" && [before, now].iter().any(|line| line.starts_with("solver"));
-            is_solver || section != "[steps]" && !is_setting(section, before, now)
+            is_solver || !is_setting(section, before, now)
         };
         let Difference { section, before, now } = differences(&before, &now).into_iter().find(is_of_division)?;
         Some(Mismatch::Case { section: section.into(), before: before.into(), now: now.into() })

@@ -1,6 +1,7 @@
 //! A body that is divided once, in files: the ranks of later runs read their parts, and none of them holds the whole mesh.
 
 use std::cell::{Cell, RefCell};
+use std::collections::BTreeMap;
 use std::fs;
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
@@ -92,9 +93,10 @@ impl BodyFiles {
                 (format!("2 to {MOST_PARTS} ranks"), "a body on one rank needs no division: run it without");
             return Err(InputErrors::from(InputError::in_file(&case.file, problem, expected, cure)).into());
         }
+        let files = FileRanks::new(folder, ranks);
+        files.earlier()?;
         // A file that changes after this is noticed by the run.
         let sources = hashes(case)?;
-        let files = FileRanks::new(folder, ranks);
         let setup = Setup::<B, TissueField<N>>::with_material(context, case.clone(), &files, |materials, mesh| {
             TissueField::new(of_rves, materials, mesh)
         })?;
@@ -162,14 +164,27 @@ impl BodyFiles {
     /// Reads a file, and compares it with the one that the division has listed.
     fn read(&self, name: &str, listed: Option<Listed>) -> Result<Message, InputErrors> {
         let path = self.folder.join(name);
-        let mut content = Vec::new();
-        let read = sealed_file::verify_by(&path, |block| content.extend_from_slice(block)).map_err(reason);
-        let is_listed = |seal: Seal| listed == Some(seal.into());
-        match read {
-            Ok(seal) if is_listed(seal) => Ok(Message::of(&content)),
-            Ok(_) => Err(invalid(&path, format!("belongs to another division than {HEADER}"), &self.cure)),
-            Err(reason) => Err(invalid(&path, reason, &self.cure)),
+        let invalid = |problem: String| invalid(&path, problem, &self.cure);
+        let size = fs::metadata(&path).map_err(|error| invalid(format!("cannot be read: {error}")))?.len();
+        let mut message = Message::zeros((size as usize).saturating_sub(sealed_file::HEAD + sealed_file::TAIL));
+        let (mut read, content) = (0, message.bytes_mut());
+        let seal = sealed_file::verify_by(&path, |block| {
+            // A file that grows meanwhile does not match its hash.
+            if let Some(place) = content.get_mut(read..read + block.len()) {
+                place.copy_from_slice(block);
+            }
+            read += block.len();
+        });
+        let seal = seal.map_err(|error| invalid(reason(error)))?;
+        match listed == Some(seal.into()) {
+            true => Ok(message),
+            false => Err(invalid(format!("belongs to another division than {HEADER}"))),
         }
+    }
+
+    /// Returns the error of a file whose content another build of this program has written.
+    pub(super) fn undecodable(&self, error: &postcard::Error) -> InputErrors {
+        invalid(&self.folder.join(HEADER), format!("has parts that cannot be decoded: {error}"), &self.cure)
     }
 }
 
@@ -231,7 +246,7 @@ fn reason(error: SealError) -> String {
     }
 }
 
-/// Returns the name and the hash of each file that the mesh and the fields of a case come from.
+/// Returns the name and the hash of each file that the mesh and the fields of a case come from, once for each use.
 fn hashes(case: &Case) -> Result<Vec<(String, u64)>, InputErrors> {
     let hash = |path: &Path| -> io::Result<u64> {
         let (mut file, mut hash, mut block) = (fs::File::open(path)?, Fnv::new(), vec![0; 1 << 16]);
@@ -245,9 +260,16 @@ fn hashes(case: &Case) -> Result<Vec<(String, u64)>, InputErrors> {
         }
     };
     let name = |path: &Path| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    let hashed = division_of(case).files.into_iter().map(|path| match hash(&path) {
-        Ok(hash) => Ok((name(&path), hash)),
-        Err(error) => Err(InputErrors::from(InputError::unreadable(&path, &error))),
+    // Several fields may be in one file.
+    let mut known = BTreeMap::new();
+    let hashed = division_of(case).files.into_iter().map(|path| {
+        let hash = match known.get(&path) {
+            Some(&hash) => hash,
+            None => hash(&path).map_err(|error| InputError::unreadable(&path, &error))?,
+        };
+        let named = (name(&path), hash);
+        known.insert(path, hash);
+        Ok(named)
     });
     hashed.collect()
 }
@@ -281,20 +303,34 @@ impl<'a> FileRanks<'a> {
     /// division.
     fn remove_earlier(&self) -> Result<(), InputErrors> {
         fs::create_dir_all(self.folder).map_err(|error| unwritable(self.folder, &error))?;
+        let remove = |path: &PathBuf| fs::remove_file(path).map_err(|error| unwritable(path, &error));
+        self.earlier()?.iter().try_for_each(remove)
+    }
+
+    /// Returns the files of an earlier division, its header first, and those that an interrupted one has left.
+    ///
+    /// # Errors
+    /// Returns [`InputErrors`] if another file has the name of one that will be written.
+    fn earlier(&self) -> Result<Vec<PathBuf>, InputErrors> {
+        let entries = match fs::read_dir(self.folder) {
+            Ok(entries) => entries,
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
+            Err(error) => return Err(unwritable(self.folder, &error)),
+        };
         let mut earlier = Vec::new();
-        for entry in fs::read_dir(self.folder).map_err(|error| unwritable(self.folder, &error))? {
+        for entry in entries {
             let path = entry.map_err(|error| unwritable(self.folder, &error))?.path();
-            let Some(rank) = path.file_name().and_then(|name| rank_of(name.to_str()?)) else { continue };
-            match is_ours(&path) {
-                Ok(true) => earlier.push(path),
-                // A part of a later rank is not written.
-                Ok(false) if rank >= self.count => {}
-                Ok(false) => return Err(unwritable(&path, &io::Error::other("another file has this name"))),
-                Err(error) => return Err(unwritable(&path, &error)),
+            let Some(name) = path.file_name().and_then(|name| name.to_str()) else { continue };
+            let (of, is_temporary) = (output::final_name(name), output::final_name(name) != name);
+            let Some(rank) = rank_of(of) else { continue };
+            if is_ours(&path).map_err(|error| unwritable(&path, &error))? {
+                earlier.push(path);
+            } else if rank < self.count && !is_temporary {
+                return Err(unwritable(&path, &io::Error::other("another file has this name")));
             }
         }
         earlier.sort_unstable_by_key(|path| !path.ends_with(HEADER));
-        earlier.iter().try_for_each(|path| fs::remove_file(path).map_err(|error| unwritable(path, &error)))
+        Ok(earlier)
     }
 }
 
@@ -309,9 +345,12 @@ fn rank_of(name: &str) -> Option<usize> {
 
 /// Returns true if a file begins like those of a division.
 fn is_ours(path: &Path) -> io::Result<bool> {
+    if !path.is_file() {
+        return Ok(false);
+    }
     let mut begin = Vec::new();
     fs::File::open(path)?.take(sealed_file::HEAD as u64).read_to_end(&mut begin)?;
-    Ok(sealed_file::is_begin(&begin))
+    Ok(begin.len() == sealed_file::HEAD && sealed_file::is_begin(&begin))
 }
 
 impl SetupRanks for FileRanks<'_> {

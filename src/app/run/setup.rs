@@ -8,7 +8,8 @@ use super::Simulation;
 use super::memory::MemoryForecast;
 use super::problem_size::ProblemSize;
 use super::setup_ranks::{
-    ExchangeError, OfWhole, PartSetup, RankSetup, SetupRanks, receive_setup, send_failure, send_fields, send_setup,
+    CommonSetup, ExchangeError, OfWhole, PartSetup, RankSetup, SetupRanks, receive_setup, send_failure, send_fields,
+    send_parts,
 };
 use super::whole_body::WholeBody;
 use crate::app::case::{Case, ElementSelection, RegionMaterial};
@@ -74,7 +75,7 @@ pub struct Setup<B: RealBackend, M = TissueField<B>> {
     ranges: Vec<FieldRange>,
     load_sizes: Vec<LoadSize>,
     warnings: Vec<String>,
-    /// Whether the material has the networks of all points, not only those of a part.
+    /// Whether the material has the networks and matrices of all points, and their warnings are not among the others.
     has_all_networks: bool,
 }
 
@@ -179,13 +180,12 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
         let has_condition = |name: &str| case.boundaries.iter().any(|boundary| boundary.surface == name);
         let surfaces = SurfacePlace::of_surfaces(&whole, has_condition);
         let rve_points = rve_points(&case, &whole);
-        let mut of_whole =
-            ranks.are_files().then(|| OfWhole { surfaces: surfaces.clone(), rve_points, warnings: warnings.clone() });
-        if let (Some(of_whole), true) = (&mut of_whole, fields.is_some()) {
-            of_whole.warnings.extend_from_slice(&network_warnings);
-            let floppy = plausibility::floppy_networks(&case, field.library(), Examination::Quick);
-            of_whole.warnings.extend(floppy.warnings);
+        let is_partial = ranks.are_files() && fields.is_some();
+        if is_partial {
+            warnings.extend(plausibility::floppy_networks(&case, field.library(), Examination::Quick).warnings);
         }
+        let of_whole =
+            ranks.are_files().then(|| OfWhole { surfaces: surfaces.clone(), rve_points, warnings: warnings.clone() });
         warnings.extend(network_warnings);
         warnings.extend(idle_ranks(&case, rve_points, field.ranks()));
         if part.is_none() {
@@ -198,19 +198,8 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
         };
         let hashes = (hash_of_mesh(&whole), hash_of_fields(field.library().regions()));
         send_fields(ranks, fields.as_ref())?;
-        let first = if ranks.are_files() { 0 } else { 1 };
-        for rank in first..ranks.count() {
-            let of_part = |divided: &BodyDivision<'_>| PartSetup {
-                piece: divided.piece(rank),
-                fields: fields.as_ref().map(|fields| fields.on_points(&divided.points(rank))),
-                networks: networks.clone(),
-                unknowns,
-                hashes,
-                of_whole: of_whole.take(),
-            };
-            let of_part = divided.as_ref().filter(|_| part.is_some()).map(of_part);
-            send_setup(ranks, rank, of_part)?;
-        }
+        let common = CommonSetup { networks, unknowns, hashes };
+        send_parts(ranks, divided.as_ref().filter(|_| part.is_some()), fields.as_ref(), &common, of_whole)?;
         drop(divided);
         let free_mode_supports = boundary.free_mode_supports().collect();
         Ok(Self {
@@ -222,13 +211,13 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
             conditions,
             part,
             field,
-            networks,
+            networks: common.networks,
             unknowns,
             free_mode_supports,
             ranges,
             load_sizes,
             warnings,
-            has_all_networks: true,
+            has_all_networks: !is_partial,
         })
     }
 
@@ -245,7 +234,7 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
             RankSetup::Undivided => return Self::read(context, case, &(), material),
             RankSetup::Part(setup) => *setup,
         };
-        let PartSetup { piece, fields, networks, unknowns, hashes, of_whole } = setup;
+        let PartSetup { piece, fields, common: CommonSetup { networks, unknowns, hashes }, of_whole } = setup;
         let has_all_networks = of_whole.is_some() && fields.is_none();
         let conditions = macro_scale::conditions(&case);
         let part = BodyPart::new(piece, &conditions).map_err(Box::new)?;
@@ -256,7 +245,7 @@ impl<B: RealBackend, M: TissueMaterial> Setup<B, M> {
         let (mut surfaces, mut warnings) = (Vec::new(), Vec::new());
         if let Some(of_whole) = of_whole {
             (surfaces, warnings) = (of_whole.surfaces, of_whole.warnings);
-            warnings.extend(network_warnings.into_iter().filter(|_| has_all_networks));
+            warnings.extend(network_warnings);
             warnings.extend(idle_ranks(&case, of_whole.rve_points, field.ranks()));
         }
         Ok(Self {

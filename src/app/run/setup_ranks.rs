@@ -8,7 +8,7 @@ use crate::app::case::Case;
 use crate::app::material_fields::MaterialFields;
 use crate::app::results::log::SurfacePlace;
 use crate::coupling::Scales;
-use crate::fem::stepping::BodyPiece;
+use crate::fem::stepping::{BodyDivision, BodyPiece};
 use crate::input::InputErrors;
 use crate::las::{Comm, CommError, Message, Tag};
 use crate::tissue::materials::Materials;
@@ -188,14 +188,20 @@ pub(super) struct PartSetup {
     pub piece: BodyPiece,
     /// The fields of the materials at the points of the part, if these depend on the mesh.
     pub fields: Option<MaterialFields>,
-    /// The points whose networks are written.
-    pub networks: Vec<usize>,
-    /// The number of unknowns of the whole body.
-    pub unknowns: usize,
-    /// The hashes of the whole mesh and of its material fields.
-    pub hashes: (u64, Option<u64>),
+    pub common: CommonSetup,
     /// What else the first rank needs, if it reads a file.
     pub of_whole: Option<OfWhole>,
+}
+
+/// What all ranks need to know of the whole body.
+#[derive(Clone, Deserialize, Serialize)]
+pub(super) struct CommonSetup {
+    /// The points whose networks are written.
+    pub networks: Vec<usize>,
+    /// The number of unknowns.
+    pub unknowns: usize,
+    /// The hashes of the mesh and of its material fields.
+    pub hashes: (u64, Option<u64>),
 }
 
 /// What the first rank needs to know of the whole body, besides what all ranks do.
@@ -205,19 +211,38 @@ pub(super) struct OfWhole {
     pub surfaces: Vec<SurfacePlace>,
     /// The number of integration points that may have an RVE.
     pub rve_points: usize,
-    /// The warnings of the body; if its materials vary, also those of the networks, of which a part has only some.
+    /// The warnings of the body; if its materials vary, also of floppy networks, whose matrix a part does not know everywhere.
     pub warnings: Vec<String>,
 }
 
-/// Sends a rank its part; `None` if the body cannot be divided.
-pub(super) fn send_setup(ranks: &dyn SetupRanks, rank: usize, part: Option<PartSetup>) -> Result<(), ExchangeError> {
-    let setup = part.map_or(RankSetup::Undivided, |part| RankSetup::Part(Box::new(part)));
-    ranks.send(rank, pack(&setup)?)
+/// Sends every rank that waits its part; if `divided` is `None`, the body cannot be divided. `of_whole` is for ranks that are
+/// files.
+pub(super) fn send_parts(
+    ranks: &dyn SetupRanks,
+    divided: Option<&BodyDivision<'_>>,
+    fields: Option<&MaterialFields>,
+    common: &CommonSetup,
+    mut of_whole: Option<OfWhole>,
+) -> Result<(), ExchangeError> {
+    let first = if ranks.are_files() { 0 } else { 1 };
+    for rank in first..ranks.count() {
+        let setup = divided.map_or(RankSetup::Undivided, |divided| {
+            let fields = fields.map(|fields| fields.on_points(&divided.points(rank)));
+            let (piece, common, of_whole) = (divided.piece(rank), common.clone(), of_whole.take());
+            RankSetup::Part(Box::new(PartSetup { piece, fields, common, of_whole }))
+        });
+        ranks.send(rank, pack(&setup)?)?;
+    }
+    Ok(())
 }
 
 /// Receives what the first rank sends.
 pub(super) fn receive_setup(ranks: &dyn SetupRanks) -> Result<RankSetup, ExchangeError> {
-    Ok(unpack(&ranks.receive()?)?)
+    let message = ranks.receive()?;
+    unpack(&message).map_err(|error| match ranks.files() {
+        Some(files) => files.undecodable(&error).into(),
+        None => error.into(),
+    })
 }
 
 /// Sends the ranks of the RVEs the materials, if these depend on the mesh, without the values at points: these come with

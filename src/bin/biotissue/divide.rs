@@ -6,8 +6,6 @@ use clap::Args;
 
 use crate::failure::Failure;
 use crate::number::count;
-#[cfg(feature = "petsc")]
-use crate::ranks;
 
 /// Divide the body of a case among ranks, once: each rank of `run --divided` reads its part, and none holds the whole mesh
 #[derive(Args)]
@@ -30,10 +28,10 @@ pub fn run(command: DivideCommand) -> Result<(), Failure> {
 
     use crate::dispatch::ProgramBackend;
     use crate::error_hints::{CaseHints, not_set_up};
-    use crate::output;
+    use crate::{output, ranks::started_by_mpirun};
 
     let DivideCommand { case, ranks, out } = command;
-    if ranks::started_by_mpirun().is_some_and(|processes| processes > 1) {
+    if started_by_mpirun().is_some_and(|processes| processes > 1) {
         return Err(Failure::arguments(
             "`biotissue divide` was started as several processes, each of which would do the same",
             "one process",
@@ -58,6 +56,6 @@ pub fn run(command: DivideCommand) -> Result<(), Failure> {
     Err(Failure::arguments(
         format!("the body of {of} cannot be divided by this build"),
         "a build with the cargo features `petsc` and `sparse`",
-        "build it with --features petsc, or run the case without a division",
+        "build it with --features petsc,sparse, or run the case without a division",
     ))
 }
