@@ -1,49 +1,17 @@
 #!/usr/bin/env bash
-# Runs every check that scripts/test.sh does not: format, lints and documentation on sets of features, tests of single
-# backends and of the Python package, C and Fortran programs and PETSc under valgrind, the overhead of the abstraction, and
-# MPI by MPICH.
+# Runs every check that scripts/test.sh does not: tests of single backends and of the Python package, C and Fortran programs and
+# PETSc under valgrind, MPI by MPICH, and scripts/lint.sh; with the argument `tests`, all but the last.
 #
 # Needs what scripts/test.sh needs, and installs it in the same way.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 source scripts/test-env.sh
 
-# Features of one build each: all that have tests of their own.
-sets=("default" "" "sparse" "dense" "petsc" "default batched capi cuda hwloc metis petsc")
-# For any two features (but cuda and hwloc) of which the first does not imply the second, one set has the first without the
-# second; of the combinations of three, nine tenths occur.
-pairs=(
-    "metis sparse dense capi petsc mpi" "generate metis sparse batched petsc mpi" "generate dense batched capi"
-    "app generate dense petsc mpi" "metis sparse batched capi mpi" "app generate metis sparse capi" "cuda hwloc"
-)
-
-say "format"
-cargo fmt --all --check
-
-# rustc checks a crate on one core, and optimizes a release build on one: these run beside the tests, in a folder of their
-# own, where no build of a test has to wait for them, and at the lowest priority, because ranks of MPI that wait for each other
-# keep all cores busy.
-beside=${CARGO_TARGET_DIR:-$PWD/target}/beside
-lint_and_build() {
-    renice -n 19 -p "$BASHPID" >/dev/null
-    for features in "${sets[@]}"; do
-        say "lints and documentation: ${features:-no features}"
-        cargo clippy --quiet --all-targets --no-default-features --features "$features" -- -D warnings
-        RUSTDOCFLAGS="-D warnings" cargo doc --quiet --no-deps --no-default-features --features "$features"
-    done
-    for features in "${pairs[@]}"; do
-        say "lints: $features"
-        cargo clippy --quiet --lib --bins --no-default-features --features "$features" -- -D warnings
-    done
-    say "lints: packages that use the library"
-    cargo clippy --quiet --workspace --exclude biotissue --all-targets --features downstream/petsc,overhead/petsc,studies/petsc -- -D warnings
-    say "build: overhead of the abstraction"
-    cargo build --quiet --release --package overhead --features petsc --bin overhead
-    say "all lints passed"
-}
-(CARGO_TARGET_DIR=$beside lint_and_build) &
-lints=$!
-trap 'kill "$lints" 2>/dev/null || true' EXIT
+if [ "${1:-}" != tests ]; then
+    bash scripts/lint.sh &
+    lints=$!
+    trap 'kill "$lints" 2>/dev/null || true' EXIT
+fi
 
 say "tests: dense alone"
 cargo test --quiet --no-default-features --features dense --lib --tests
@@ -68,8 +36,7 @@ say "tests: published networks"
 BIOTISSUE_PROGRAM=${CARGO_TARGET_DIR:-target}/debug/biotissue bash scripts/public-cases.sh 0
 say "tests: MPI by MPICH"
 bash scripts/mpich.sh
-say "lints"
-wait "$lints"
-say "overhead of the abstraction, in instructions"
-CARGO_TARGET_DIR=$beside cargo run --quiet --release --package overhead --features petsc --bin overhead
+if [ -n "${lints:-}" ]; then
+    wait "$lints"
+fi
 say "all checks passed"
