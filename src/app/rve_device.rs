@@ -22,7 +22,8 @@ pub enum OpenDevice {
     Cuda(Device),
 }
 
-/// The solvers of the batches of each model; `None` for a model whose laws the device cannot evaluate.
+/// The solvers of the batches of each model; `None` for a model whose laws the device cannot evaluate, or whose network does not
+/// fit into its memory.
 pub type BatchSolvers = Vec<Option<Box<dyn BatchSolver>>>;
 
 /// Opens the device of a rank, if RVEs are to be solved on one. Rank `r` takes device `r` modulo the number of devices.
@@ -84,7 +85,12 @@ impl OpenDevice {
             Self::Cuda(ref device) => {
                 let (free, _) = device.memory().map_err(|error| of_device(&error))?;
                 // Each model has a stream of its own, so that batches run side by side.
-                let batch = |model| DeviceBatch::new(&Device::open(device.ordinal())?, model, predicts);
+                let open = || Device::open(device.ordinal());
+                let batch = |model| match open().and_then(|device| DeviceBatch::new(&device, model, predicts)) {
+                    // Where not even the network fits, the processor solves its RVEs, as where no RVE fits.
+                    Err(error) if error.is_out_of_memory() => Ok(None),
+                    outcome => outcome,
+                };
                 let batches: Result<Vec<_>, CudaError> = models.iter().map(batch).collect();
                 let mut batches = batches.map_err(|error| of_device(&error))?;
                 let bytes = (SHARE_OF_MEMORY * free as f64) as usize / ranks.max(1);

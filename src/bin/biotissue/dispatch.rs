@@ -98,7 +98,10 @@ pub fn dispatch<J: Job>(backend: Option<&str>, job: J) -> Result<J::Output, Fail
 /// Opens the first device that the driver lists, which the environment variable `CUDA_VISIBLE_DEVICES` may change.
 #[cfg(feature = "cuda")]
 fn first_device() -> Result<backends::cuda::Device, Failure> {
-    backends::cuda::Device::open(0).map_err(|error| {
+    use backends::cuda::Device;
+    // The kernels are compiled before anything is read or written, and not in the first load step.
+    let open = || Device::open(0).and_then(|device| device.has_cusparse().map(|_| device));
+    open().map_err(|error| {
         Failure::arguments(
             format!("--backend cuda: {error}"),
             "a machine with an NVIDIA device, its driver and NVRTC",

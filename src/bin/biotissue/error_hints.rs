@@ -112,16 +112,22 @@ pub fn expected_of_step<F: std::error::Error + 'static>(reason: &StepFailure<Tis
         NewtonError::Problem(EquilibriumError::OffBranch(_)) => {
             "equilibria of all networks that change continuously with the load"
         }
+        NewtonError::Solve(SolveError::Backend(_)) => "a backend that does its work",
         _ => "equilibrium with det F > 0 everywhere",
     }
 }
 
-/// Describes the increments in which a failed load step was tried.
-pub fn increments_tried(case: &Case, halvings: u32) -> String {
-    match (case.steps.adaptive, halvings) {
-        (Some(adaptive), _) => format!("in increments down to {} of a step", adaptive.smallest),
-        (None, 1) => "halved once".into(),
-        (None, _) => format!("halved {halvings} times"),
+/// Says how a load step failed: a failure of the backend has nothing to do with the increment.
+pub fn manner_of_failure<F: std::error::Error + 'static>(
+    reason: &StepFailure<TissueFieldError, F>,
+    case: &Case,
+    halvings: u32,
+) -> String {
+    match (reason, case.steps.adaptive, halvings) {
+        (NewtonError::Solve(SolveError::Backend(_)), ..) => "fails".into(),
+        (_, Some(adaptive), _) => format!("does not converge, in increments down to {} of a step", adaptive.smallest),
+        (_, None, 1) => "does not converge, halved once".into(),
+        (_, None, _) => format!("does not converge, halved {halvings} times"),
     }
 }
 
@@ -156,6 +162,9 @@ fn cure_of_reason<F: std::error::Error + 'static>(
             "use method = \"multiplier\", or raise `penalty` of that [[constraint]]".into()
         }
         NewtonError::Problem(EquilibriumError::PointField(error)) => cure_of_point(error, micro),
+        NewtonError::Solve(SolveError::Backend(_)) => {
+            "correct the cause and continue with --resume, or start again with another --backend".into()
+        }
         _ => TOO_FAR.into(),
     }
 }

@@ -24,6 +24,8 @@ pub struct Reporter {
     position: Arc<Mutex<Position>>,
     heartbeat: Heartbeat,
     count: usize,
+    /// Whether the case wants a device to solve the RVEs.
+    has_device: bool,
     completed_steps: Arc<AtomicUsize>,
     saved_steps: Arc<AtomicUsize>,
     is_interrupted: Arc<AtomicBool>,
@@ -91,7 +93,8 @@ impl Reporter {
             is_interrupted: Arc::clone(&is_interrupted),
             bar: bar.clone(),
         });
-        Self { bar, position, heartbeat, count: size.steps, completed_steps, saved_steps, is_interrupted }
+        let has_device = simulation.case().micro.device.is_some();
+        Self { bar, position, heartbeat, count: size.steps, has_device, completed_steps, saved_steps, is_interrupted }
     }
 
     fn message(&self, line: &str) {
@@ -182,7 +185,15 @@ impl Progress for Reporter {
                 steps => format!(" and {steps} steps of relaxation in all"),
             };
             let (mean, most) = (rve.iterations_mean, rve.iterations_max);
-            format!(", RVEs {mean:.1} iterations on average, {most} at most{relaxation}")
+            // The processor solves those for which a device has no memory, and nothing else would say so.
+            let on_device = match self.has_device {
+                true => format!(
+                    ", {:.0} % on the device or in lanes",
+                    100.0 * rve.in_batches as f64 / rve.solves.max(1) as f64
+                ),
+                false => String::new(),
+            };
+            format!(", RVEs {mean:.1} iterations on average, {most} at most{relaxation}{on_device}")
         });
         let life = step.rve.as_ref().filter(|_| step.rounds > 0).map_or(String::new(), |rve| {
             let (waiting, deleted, plural) = (rve.waiting, rve.deleted, if step.rounds == 1 { "" } else { "s" });

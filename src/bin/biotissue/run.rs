@@ -16,7 +16,7 @@ use serde::Serialize;
 
 use crate::dispatch::{Job, ProgramBackend, dispatch};
 use crate::error_hints::{
-    CaseHints, constraint_of, cure_of_step, expected_of_step, increments_tried, not_resumed, not_set_up, not_written,
+    CaseHints, constraint_of, cure_of_step, expected_of_step, manner_of_failure, not_resumed, not_set_up, not_written,
     on_disk, replay_hint,
 };
 use crate::failure::Failure;
@@ -413,8 +413,8 @@ pub fn take_steps<B: ProgramBackend, M: TissueMaterial>(
         }
         Err(RunError::NotConverged { step, count, reached, halvings, reason, failed_rve, largest_residual }) => {
             let case = simulation.case();
-            let (increments, named) = (increments_tried(case, halvings), constraint_of(case, &reason));
-            let what = format!("load step {step} of {count} does not converge, {increments}: {reason}{named}");
+            let (manner, named) = (manner_of_failure(&reason, case, halvings), constraint_of(case, &reason));
+            let what = format!("load step {step} of {count} {manner}: {reason}{named}");
             let residual = largest_residual.map_or_else(String::new, |residual| format!("{residual}; "));
             let hint = replay_hint(failed_rve.as_deref());
             let place = format!("t = {reached}; {residual}{}{hint}", on_disk(step - 1, dir));
