@@ -13,10 +13,13 @@
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
 
+# Without this, the checks run on an emulated device.
+export BIOTISSUE_REQUIRE_GPU="${BIOTISSUE_REQUIRE_GPU:-0}"
+
 # Ends without a failure, unless a device is required.
 skip() {
     echo "skipped: $1"
-    [ "${BIOTISSUE_REQUIRE_GPU:-0}" = 0 ]
+    [ "$BIOTISSUE_REQUIRE_GPU" = 0 ]
     exit
 }
 
