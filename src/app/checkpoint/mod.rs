@@ -21,6 +21,9 @@
 //! [`Piece`] describes the pieces with RVEs; `crate::sealed_file` is the frame of all files: version and hash.
 
 pub(super) mod body_pieces;
+mod case_text;
+mod division;
+mod hashes;
 mod identity;
 mod record;
 #[cfg(all(test, feature = "sparse"))]
@@ -33,8 +36,10 @@ use std::path::{Path, PathBuf};
 use thiserror::Error;
 
 pub use body_pieces::BodyStatePiece;
-pub use identity::{Identity, Mismatch, hash_of_fields, hash_of_mesh};
-pub(in crate::app) use identity::{division_of, is_same_run};
+pub(in crate::app) use division::division_of;
+pub use hashes::{hash_of_fields, hash_of_mesh};
+pub(in crate::app) use identity::is_same_run;
+pub use identity::{Identity, Mismatch};
 
 use super::results::{CHECKPOINT_FOLDER, ResultsError, ResultsRecord, names_in, remove_as};
 use crate::fem::stepping::SavedState;
