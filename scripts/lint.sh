@@ -1,9 +1,8 @@
 #!/usr/bin/env bash
-# Checks the format, lints and documentation on sets of features, and counts the instructions of the abstraction.
+# Checks lints and documentation on sets of features, and counts the instructions of the abstraction.
 #
-# rustc checks a crate on one core, and optimizes a release build on one. Therefore scripts/check.sh and .ci/run run this script
-# beside the tests, in a folder of its own, where no build of a test has to wait for it, and at the lowest priority, because
-# ranks of MPI that wait for each other keep all cores busy.
+# scripts/check.sh and .ci/run run this script beside the tests: rustc checks a crate on one core, and optimizes a release build on
+# one. It works in a folder of its own, where no build of a test has to wait for it, and at the lowest priority.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 bash scripts/install-test-tools.sh
@@ -23,8 +22,6 @@ pairs=(
     "app generate dense petsc mpi" "metis sparse batched capi mpi" "app generate metis sparse capi" "cuda hwloc"
 )
 
-say "format"
-cargo fmt --all --check
 for features in "${sets[@]}"; do
     say "lints and documentation: ${features:-no features}"
     cargo clippy --quiet --all-targets --no-default-features --features "$features" -- -D warnings

@@ -138,7 +138,7 @@ fn report(name: &str, test: impl FnOnce() -> Outcome) -> bool {
 
 /// Runs the checks in new processes.
 fn check(launcher: &Launcher, ranks: usize, words: &[String]) -> Outcome {
-    let status = launcher.command(ranks, 1200)?.args(words).env(LAUNCHED, CHECK).status()?;
+    let status = launcher.command(&std::env::current_exe()?, ranks, 1200).args(words).env(LAUNCHED, CHECK).status()?;
     if status.success() { Ok(()) } else { Err(format!("{status}").into()) }
 }
 
@@ -146,7 +146,7 @@ fn check(launcher: &Launcher, ranks: usize, words: &[String]) -> Outcome {
 fn check_that_all_end(launcher: &Launcher, &(name, _, text): &Failure) -> Outcome {
     const LIMIT: Duration = Duration::from_secs(20);
     let start = Instant::now();
-    let output = launcher.command(3, 60)?.env(LAUNCHED, name).output()?;
+    let output = launcher.command(&std::env::current_exe()?, 3, 60).env(LAUNCHED, name).output()?;
     let taken = start.elapsed();
     // The launcher may print its own messages to either stream.
     let printed = [output.stderr, output.stdout].map(|text| String::from_utf8_lossy(&text).into_owned()).concat();

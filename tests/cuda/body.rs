@@ -6,6 +6,7 @@ use biotissue::app::results::log::{self, Event, RveLog};
 use biotissue::app::results::{LOADS_FILE, LOG_FILE};
 use biotissue::fiber::network::{file, generate::delaunay};
 
+use crate::emulation::is_emulated;
 use crate::networks::near;
 
 /// What a run wrote.
@@ -17,13 +18,14 @@ pub struct Results {
 
 /// Writes a case, and its networks; returns its path. `extra` ends it.
 pub fn write(folder: &Path, name: &str, device: &str, extra: &str) -> PathBuf {
+    let (points, cells, steps) = if is_emulated() { (20, [3, 3, 2], 2) } else { (40, [4, 4, 4], 3) };
     for seed in 1..=3 {
-        file::write(&folder.join(format!("network_{seed}.txt")), &delaunay(20, seed).unwrap()).unwrap();
+        file::write(&folder.join(format!("network_{seed}.txt")), &delaunay(points, seed).unwrap()).unwrap();
     }
     let text = format!(
         r#"
         [mesh]
-        generate = {{ shape = "box", cells = [3, 3, 2], size = [1.0, 1.0, 1.0] }}
+        generate = {{ shape = "box", cells = {cells:?}, size = [1.0, 1.0, 1.0] }}
         [[region]]
         name = "*"
         [region.material]
@@ -39,7 +41,7 @@ pub fn write(folder: &Path, name: &str, device: &str, extra: &str) -> PathBuf {
         surface = "x1"
         displacement = {{ x = 0.2, y = 0.05, z = 0.0 }}
         [steps]
-        count = 2
+        count = {steps}
         [newton]
         tolerance = 1e-12
         [micro]

@@ -1,7 +1,7 @@
 //! Checks and measurements on a CUDA device.
 //!
 //! ```sh
-//! cargo test --features cuda --test cuda   # all checks; without a device, fewer cases on an emulated one
+//! cargo test --features cuda --test cuda   # all checks; without a device, on an emulated one, with fewer and smaller cases
 //! bash scripts/gpu.sh                      # all checks; without a device, the reason why they are skipped
 //! bash scripts/gpu.sh las_                 # those whose names contain the word
 //! bash scripts/gpu.sh bench                # the measurements
@@ -16,6 +16,8 @@ mod body;
 mod elasticity;
 mod emulation;
 mod las;
+#[path = "../support/launcher.rs"]
+mod launcher;
 mod networks;
 mod program;
 
@@ -24,7 +26,7 @@ use std::process::ExitCode;
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
-use biotissue::backends::cuda::Device;
+use biotissue::backends::cuda::{CudaError, Device};
 
 /// A named check; it panics if it fails.
 type Check = (&'static str, fn(&Device));
@@ -62,29 +64,55 @@ fn run(name: &str, check: fn(&Device), device: &Device) -> Option<String> {
     failure.map(|message| format!("{name}: {message}"))
 }
 
+/// Runs the checks on an emulated device, unless a device is required, or an emulated one is not wanted or of no use.
+fn without_device(error: &CudaError, is_bench: bool, words: &[String]) -> ExitCode {
+    match std::env::var("BIOTISSUE_REQUIRE_GPU").as_deref() {
+        Err(_) if !is_bench && !emulation::is_emulated() => {
+            println!("there is no device ({error}): the checks run on an emulated one");
+            let is_in_group = |name: &str| GROUPS.iter().any(|group| name.starts_with(group));
+            assert!(CHECKS.concat().iter().all(|(name, _)| is_in_group(name)), "a check of no group");
+            emulation::run(words, &GROUPS)
+        }
+        Err(_) if !emulation::is_emulated() => skipped(error),
+        Ok("0") => skipped(error),
+        _ => {
+            println!("{error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn skipped(error: &CudaError) -> ExitCode {
+    println!("skipped: {error}");
+    ExitCode::SUCCESS
+}
+
+/// Returns the checks whose names contain one of the words, or all without any.
+fn chosen(checks: Vec<Check>, words: &[String]) -> Vec<Check> {
+    // Numbers are arguments of a measurement.
+    let words: Vec<&String> = words.iter().filter(|word| word.parse::<f64>().is_err()).collect();
+    let is_chosen = |name: &str| words.is_empty() || words.iter().any(|word| name.contains(&***word));
+    checks.into_iter().filter(|(name, _)| is_chosen(name)).collect()
+}
+
 fn main() -> ExitCode {
-    let words: Vec<String> = std::env::args().skip(1).filter(|word| !word.starts_with("--")).collect();
+    let (options, words): (Vec<String>, Vec<String>) =
+        std::env::args().skip(1).partition(|word| word.starts_with("--"));
+    let is_bench = words.iter().any(|word| word.starts_with("bench"));
+    let checks = chosen(if is_bench { BENCHES.to_vec() } else { CHECKS.concat() }, &words);
+    // Options of the usual harness; and words that name tests of other programs.
+    if checks.is_empty() || options.iter().any(|option| ["--list", "--ignored"].contains(&&**option)) {
+        println!("0 of 0 checks passed");
+        return ExitCode::SUCCESS;
+    }
     let device = match Device::open(0) {
         Ok(device) => device,
-        Err(error) => {
-            println!("skipped: {error}");
-            let required = std::env::var("BIOTISSUE_REQUIRE_GPU").ok();
-            return match required.as_deref() {
-                None if !emulation::is_emulated() => emulation::run(&words, &GROUPS),
-                Some("0") => ExitCode::SUCCESS,
-                _ => ExitCode::FAILURE,
-            };
-        }
+        Err(error) => return without_device(&error, is_bench, &words),
     };
     println!("device: {}", device.name().unwrap_or_else(|error| error.to_string()));
     std::panic::set_hook(Box::new(record_panic));
-    let is_bench = words.iter().any(|word| word.starts_with("bench"));
-    let checks = if is_bench { BENCHES.to_vec() } else { CHECKS.concat() };
-    // `bench` alone asks for all of them; numbers are arguments of a measurement.
-    let words: Vec<&String> = words.iter().filter(|word| word.parse::<f64>().is_err()).collect();
-    let chosen = checks.iter().filter(|(name, _)| words.is_empty() || words.iter().any(|word| name.contains(&***word)));
     let (mut count, mut failures) = (0, Vec::new());
-    for &(name, check) in chosen {
+    for (name, check) in checks {
         count += 1;
         failures.extend(run(name, check, &device));
     }

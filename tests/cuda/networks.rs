@@ -157,6 +157,8 @@ fn published(device: &Device) {
     /// Larger networks take minutes where kernels are executed by the processor.
     const MOST_EMULATED: usize = 300;
     let Some(folder) = std::env::var_os("BIOTISSUE_NETWORKS").map(PathBuf::from) else {
+        let is_required = std::env::var("BIOTISSUE_REQUIRE_NETWORKS").is_ok_and(|required| required != "0");
+        assert!(!is_required, "BIOTISSUE_NETWORKS names no folder");
         println!("       skipped: BIOTISSUE_NETWORKS names no folder");
         return;
     };

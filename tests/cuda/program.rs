@@ -9,11 +9,13 @@ use biotissue::backends::cuda::Device;
 use crate::Check;
 use crate::body::{self, Results};
 use crate::emulation::is_emulated;
+use crate::launcher::Launcher;
 
 pub const CHECKS: &[Check] = &[
     ("program_body_and_rves", body_and_rves),
     ("program_ranks", ranks),
     ("program_memory", memory),
+    ("program_parts", parts),
     ("program_errors", errors),
 ];
 
@@ -26,15 +28,6 @@ fn program(folder: &Path) -> Option<Command> {
     }
     let mut command = Command::new(path);
     command.current_dir(folder);
-    Some(command)
-}
-
-/// As [`program`], started as four processes.
-fn processes(folder: &Path) -> Option<Command> {
-    let single = program(folder)?;
-    let mut command = Command::new(std::env::var_os("MPIRUN").unwrap_or_else(|| "mpirun".into()));
-    command.args(["--oversubscribe", "-n", "4"]).arg(single.get_program()).current_dir(folder);
-    command.envs([("OMPI_ALLOW_RUN_AS_ROOT", "1"), ("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1")]);
     Some(command)
 }
 
@@ -65,9 +58,11 @@ impl Cases {
     fn new() -> Option<Self> {
         let folder = tempfile::tempdir().unwrap();
         body::write(folder.path(), "alone.toml", "cuda", "");
-        for (name, (of_body, of_rves)) in ON_RANKS.into_iter().zip([(1, 3), (2, 2)]) {
-            let scales = format!("[scales]\nmacro = {of_body}\nmicro = {of_rves}");
-            body::write(folder.path(), name, "cuda", &scales);
+        // RVEs that stay where they are make the share of the device repeatable; others move between the ranks.
+        for (name, scales) in
+            ON_RANKS.into_iter().zip(["macro = 1\nmicro = 3\nbalance = { planner = \"none\" }", "macro = 2\nmicro = 2"])
+        {
+            body::write(folder.path(), name, "cuda", &format!("[scales]\n{scales}"));
         }
         body::write(folder.path(), "none.toml", "none", "");
         let (expected, _) = run(program(folder.path())?, folder.path(), "none.toml", &[]);
@@ -80,6 +75,16 @@ impl Cases {
 
     fn program(&self) -> Command {
         program(self.path()).expect("it was there")
+    }
+
+    /// The program as four processes; `None` without the feature `mpi`.
+    fn processes(&self) -> Option<Command> {
+        /// A run takes a few seconds.
+        const SECONDS: u32 = 300;
+        let launcher = cfg!(feature = "mpi").then(|| Launcher::find().unwrap())?;
+        let mut command = launcher.command(Path::new(self.program().get_program()), 4, SECONDS);
+        command.current_dir(self.path());
+        Some(command)
     }
 
     /// Runs a case and compares it; returns the share of solutions made on the device, and the messages.
@@ -110,9 +115,8 @@ fn ranks(_: &Device) {
     let Some(cases) = Cases::new() else { return };
     for case in ON_RANKS {
         assert!(cases.check(cases.program(), case, &[]).0 > 0.9);
-        if cfg!(feature = "mpi") {
-            let share = cases.check(processes(cases.path()).expect("it was there"), case, &[]).0;
-            assert!(share > 0.9, "{share}");
+        if let Some(command) = cases.processes() {
+            assert!(cases.check(command, case, &[]).0 > 0.9);
         }
     }
 }
@@ -128,26 +132,56 @@ fn memory(_: &Device) {
         command.env("EMULATED_CUDA_MEMORY", bytes);
         command
     };
-    // Room for all, for some networks, for no RVE, for not even the networks.
-    for (bytes, shares) in
-        [("100000000", 0.9..=1.0), ("7000000", 0.2..=0.9), ("1000000", 0.0..=0.0), ("40000", 0.0..=0.0)]
-    {
+    // Room for all, for some networks, for no RVE, for not even the networks. Ranks have room for fewer.
+    let all = [
+        ("100000000", 0.9..=1.0, 0.9..=1.0),
+        ("7000000", 0.2..=0.9, 0.05..=0.9),
+        ("1000000", 0.0..=0.0, 0.0..=0.0),
+        ("40000", 0.0..=0.0, 0.0..=0.0),
+    ];
+    for (bytes, alone, on_ranks) in all {
         let (share, messages) = cases.check(with(cases.program(), bytes), "alone.toml", &[]);
-        assert!(shares.contains(&share), "{bytes}: {share}");
+        assert!(alone.contains(&share), "{bytes}: {share}");
         assert_eq!(messages.contains(", 0 % on the device or in lanes"), share == 0.0, "{messages}");
-        cases.check(with(cases.program(), bytes), ON_RANKS[0], &[]);
-        if cfg!(feature = "mpi") {
-            let mut command = with(processes(cases.path()).expect("it was there"), bytes);
+        let (share, _) = cases.check(with(cases.program(), bytes), ON_RANKS[0], &[]);
+        assert!(on_ranks.contains(&share), "{bytes}: {share}");
+        if let Some(command) = cases.processes() {
+            let mut command = with(command, bytes);
             command.env("EMULATED_CUDA_SHARED", cases.path().join(format!("of_device_{bytes}")));
-            cases.check(command, ON_RANKS[1], &[]);
+            let (share, _) = cases.check(command, ON_RANKS[1], &[]);
+            assert!(on_ranks.contains(&share), "{bytes}: {share}");
         }
     }
     let mut command = cases.program();
     command.env("EMULATED_CUDA_OF_KERNEL", "10000000000");
     assert_eq!(cases.check(command, "alone.toml", &[]).0, 0.0, "no kernel can be started");
-    let mut command = cases.program();
+    // Rank 1 of the RVEs has the second device for itself.
+    let mut command = with(cases.program(), "7000000");
     command.env("EMULATED_CUDA_DEVICES", "2");
-    assert!(cases.check(command, ON_RANKS[0], &[]).0 > 0.9, "two devices");
+    let (on_one, on_two) =
+        (cases.check(with(cases.program(), "7000000"), ON_RANKS[0], &[]).0, cases.check(command, ON_RANKS[0], &[]).0);
+    assert!(on_two > on_one, "{on_two} with two devices, {on_one} with one");
+}
+
+/// More RVEs of a network than the device has room for at once are solved one part after the other.
+fn parts(_: &Device) {
+    if !is_emulated() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let Some(command) = program(folder.path()) else { return };
+    for device in ["none", "cuda"] {
+        let file = body::write(folder.path(), &format!("{device}.toml"), device, "");
+        let text = std::fs::read_to_string(&file).unwrap();
+        std::fs::write(&file, text.replace("network_*", "network_1").replace("[3, 3, 2]", "[3, 3, 3]")).unwrap();
+    }
+    let (expected, _) = run(command, folder.path(), "none.toml", &[]);
+    // 162 RVEs, of which 128 fit.
+    let mut command = program(folder.path()).expect("it was there");
+    command.env("EMULATED_CUDA_MEMORY", "3500000");
+    let (found, _) = run(command, folder.path(), "cuda.toml", &[]);
+    found.assert_same(&expected, "in parts");
+    assert!(found.share_of_device() > 0.9, "{}", found.share_of_device());
 }
 
 /// What the body needs of a device and does not get is reported as such.
@@ -165,13 +199,14 @@ fn errors(_: &Device) {
     };
     let message = fails(2, &["--backend", "cuda"], ("EMULATED_CUDA_HEADERS", "nowhere"));
     assert!(message.contains("error: --backend cuda: NVRTC cannot compile a kernel"), "{message}");
+    assert!(message.contains("expected: an NVRTC that compiles the kernels"), "{message}");
     let message = fails(2, &["--backend", "cuda"], ("EMULATED_CUDA_DEVICES", "0"));
     assert!(message.contains("error: --backend cuda: there is no CUDA device number 0"), "{message}");
     let iterative = body::write(cases.path(), "none.toml", "none", "");
     let text = std::fs::read_to_string(&iterative).unwrap();
     let solver = "[newton]\nsolver = { method = \"cg\", preconditioner = \"multigrid\" }";
     std::fs::write(&iterative, text.replace("[newton]", solver)).unwrap();
-    let message = fails(3, &["--backend", "cuda"], ("EMULATED_CUDA_MEMORY", "60000"));
+    let message = fails(4, &["--backend", "cuda"], ("EMULATED_CUDA_MEMORY", "60000"));
     assert!(message.contains("error: load step 1 of 2 fails: the CUDA driver failed"), "{message}");
     assert!(message.contains("another --backend") && !message.contains("det F"), "{message}");
 }

@@ -1,7 +1,8 @@
-//! Starts the running program again as several MPI processes.
+//! Starts a program as several MPI processes.
 
 use std::ffi::{OsStr, OsString};
 use std::io;
+use std::path::Path;
 use std::process::Command;
 
 /// The command that starts MPI processes: `mpirun`, or the value of the environment variable `MPIRUN`.
@@ -20,15 +21,15 @@ impl Launcher {
         Ok(Self { program, is_open_mpi })
     }
 
-    /// Returns the command that runs this program on `ranks` ranks and ends them after `seconds` seconds.
-    pub fn command(&self, ranks: usize, seconds: u32) -> io::Result<Command> {
+    /// Returns the command that runs a program on `ranks` ranks and ends them after `seconds` seconds.
+    pub fn command(&self, program: &Path, ranks: usize, seconds: u32) -> Command {
         let mut command = command(&self.program);
         if self.is_open_mpi {
             command.arg("--oversubscribe");
         }
-        command.args(["-n", &ranks.to_string()]).arg(std::env::current_exe()?);
+        command.args(["-n", &ranks.to_string()]).arg(program);
         command.env("MPIEXEC_TIMEOUT", seconds.to_string()).env("OMP_NUM_THREADS", "1");
-        Ok(command)
+        command
     }
 }
 

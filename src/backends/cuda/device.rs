@@ -119,6 +119,14 @@ impl Device {
         self.stream.synchronize().map_err(CudaError::of("wait for the device"))
     }
 
+    /// Compiles the kernels of linear algebra and loads the libraries, which otherwise happens on first use.
+    ///
+    /// # Errors
+    /// Returns [`CudaErrorKind::Compile`], or the error of the driver or of a library.
+    pub fn prepare(&self) -> Result<(), CudaError> {
+        self.algebra().map(drop)
+    }
+
     /// Returns true if products of matrices and vectors use cuSPARSE, false if that library is not installed.
     ///
     /// # Errors

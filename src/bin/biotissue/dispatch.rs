@@ -98,15 +98,17 @@ pub fn dispatch<J: Job>(backend: Option<&str>, job: J) -> Result<J::Output, Fail
 /// Opens the first device that the driver lists, which the environment variable `CUDA_VISIBLE_DEVICES` may change.
 #[cfg(feature = "cuda")]
 fn first_device() -> Result<backends::cuda::Device, Failure> {
-    use backends::cuda::Device;
-    // The kernels are compiled before anything is read or written, and not in the first load step.
-    let open = || Device::open(0).and_then(|device| device.has_cusparse().map(|_| device));
+    use backends::cuda::{CudaErrorKind, Device};
+    // The kernels are compiled before the run begins, and not in its first load step.
+    let open = || Device::open(0).and_then(|device| device.prepare().map(|()| device));
     open().map_err(|error| {
-        Failure::arguments(
-            format!("--backend cuda: {error}"),
-            "a machine with an NVIDIA device, its driver and NVRTC",
-            "run there, or choose another backend, for example --backend sparse",
-        )
+        let expected = match error.kind() {
+            CudaErrorKind::Compile { .. } => "an NVRTC that compiles the kernels: version 12 or later",
+            _ if error.is_out_of_memory() => "a device with free memory",
+            _ => "a machine with an NVIDIA device, its driver and NVRTC",
+        };
+        let cure = "run there, or choose another backend, for example --backend sparse";
+        Failure::arguments(format!("--backend cuda: {error}"), expected, cure)
     })
 }
 

@@ -105,6 +105,17 @@ fn cure_of_branches(case: &Case) -> String {
     cure.into()
 }
 
+/// Returns true if a library or a device failed in a load step, whatever the load is.
+pub fn is_failure_of_backend<F: std::error::Error + 'static>(reason: &StepFailure<TissueFieldError, F>) -> bool {
+    match reason {
+        NewtonError::Solve(SolveError::Backend(_)) | NewtonError::Problem(EquilibriumError::Backend(_)) => true,
+        NewtonError::Problem(EquilibriumError::PointField(TissueFieldError::Point(point))) => {
+            matches!(point.kind, PointFailureKind::Device)
+        }
+        _ => false,
+    }
+}
+
 /// Returns what was expected of a failed load step.
 pub fn expected_of_step<F: std::error::Error + 'static>(reason: &StepFailure<TissueFieldError, F>) -> &'static str {
     match reason {
@@ -112,7 +123,7 @@ pub fn expected_of_step<F: std::error::Error + 'static>(reason: &StepFailure<Tis
         NewtonError::Problem(EquilibriumError::OffBranch(_)) => {
             "equilibria of all networks that change continuously with the load"
         }
-        NewtonError::Solve(SolveError::Backend(_)) => "a backend that does its work",
+        reason if is_failure_of_backend(reason) => "a linear-algebra library or device that works",
         _ => "equilibrium with det F > 0 everywhere",
     }
 }
@@ -123,11 +134,11 @@ pub fn manner_of_failure<F: std::error::Error + 'static>(
     case: &Case,
     halvings: u32,
 ) -> String {
-    match (reason, case.steps.adaptive, halvings) {
-        (NewtonError::Solve(SolveError::Backend(_)), ..) => "fails".into(),
-        (_, Some(adaptive), _) => format!("does not converge, in increments down to {} of a step", adaptive.smallest),
-        (_, None, 1) => "does not converge, halved once".into(),
-        (_, None, _) => format!("does not converge, halved {halvings} times"),
+    match (case.steps.adaptive, halvings) {
+        _ if is_failure_of_backend(reason) => "fails".into(),
+        (Some(adaptive), _) => format!("does not converge, in increments down to {} of a step", adaptive.smallest),
+        (None, 1) => "does not converge, halved once".into(),
+        (None, _) => format!("does not converge, halved {halvings} times"),
     }
 }
 
@@ -162,7 +173,7 @@ fn cure_of_reason<F: std::error::Error + 'static>(
             "use method = \"multiplier\", or raise `penalty` of that [[constraint]]".into()
         }
         NewtonError::Problem(EquilibriumError::PointField(error)) => cure_of_point(error, micro),
-        NewtonError::Solve(SolveError::Backend(_)) => {
+        reason if is_failure_of_backend(reason) => {
             "correct the cause and continue with --resume, or start again with another --backend".into()
         }
         _ => TOO_FAR.into(),

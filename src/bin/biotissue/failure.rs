@@ -57,6 +57,14 @@ impl Failure {
         Self::General { code: 4, what: what.into(), place: None, expected: expected.into(), cure: cure.into() }
     }
 
+    /// Gives an error the exit code of the environment.
+    pub fn of_environment(mut self) -> Self {
+        if let Self::General { code, .. } = &mut self {
+            *code = 4;
+        }
+        self
+    }
+
     /// Creates the error for a file that cannot be written.
     pub fn unwritable(file: &Path, error: &std::io::Error) -> Self {
         Self::environment(

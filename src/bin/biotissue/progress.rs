@@ -185,12 +185,9 @@ impl Progress for Reporter {
                 steps => format!(" and {steps} steps of relaxation in all"),
             };
             let (mean, most) = (rve.iterations_mean, rve.iterations_max);
-            // The processor solves those for which a device has no memory, and nothing else would say so.
+            // The processor solves those for which a device has no memory.
             let on_device = match self.has_device {
-                true => format!(
-                    ", {:.0} % on the device or in lanes",
-                    100.0 * rve.in_batches as f64 / rve.solves.max(1) as f64
-                ),
+                true => format!(", {} on the device or in lanes", share(rve.in_batches, rve.solves)),
                 false => String::new(),
             };
             format!(", RVEs {mean:.1} iterations on average, {most} at most{relaxation}{on_device}")
@@ -261,6 +258,14 @@ impl Progress for Reporter {
     }
 }
 
+/// Returns a part in percent. Only none is 0 %, only all is 100 %.
+fn share(part: u64, of: u64) -> String {
+    match 100.0 * part as f64 / of.max(1) as f64 {
+        percent if percent > 0.0 && percent < 1.0 => "less than 1 %".into(),
+        percent => format!("{:.0} %", percent.floor()),
+    }
+}
+
 fn set_style(bar: &ProgressBar, template: &str) {
     if let Ok(style) = ProgressStyle::with_template(template) {
         bar.set_style(style);
@@ -270,6 +275,14 @@ fn set_style(bar: &ProgressBar, template: &str) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn only_all_is_a_hundred_percent() {
+        assert_eq!(
+            [(0, 0), (0, 9), (1, 900), (9, 900), (899, 900), (900, 900)].map(|(part, of)| share(part, of)),
+            ["0 %", "0 %", "less than 1 %", "1 %", "99 %", "100 %"]
+        );
+    }
 
     #[test]
     fn the_bar_moves_within_a_step_and_never_back() {

@@ -16,8 +16,8 @@ use serde::Serialize;
 
 use crate::dispatch::{Job, ProgramBackend, dispatch};
 use crate::error_hints::{
-    CaseHints, constraint_of, cure_of_step, expected_of_step, manner_of_failure, not_resumed, not_set_up, not_written,
-    on_disk, replay_hint,
+    CaseHints, constraint_of, cure_of_step, expected_of_step, is_failure_of_backend, manner_of_failure, not_resumed,
+    not_set_up, not_written, on_disk, replay_hint,
 };
 use crate::failure::Failure;
 use crate::interrupt::{self, how_to_continue};
@@ -419,7 +419,8 @@ pub fn take_steps<B: ProgramBackend, M: TissueMaterial>(
             let hint = replay_hint(failed_rve.as_deref());
             let place = format!("t = {reached}; {residual}{}{hint}", on_disk(step - 1, dir));
             let cure = cure_of_step(&reason, case);
-            Err(Failure::not_converged(what, place, expected_of_step(&reason), cure))
+            let failure = Failure::not_converged(what, place, expected_of_step(&reason), cure);
+            Err(if is_failure_of_backend(&reason) { failure.of_environment() } else { failure })
         }
         Err(RunError::Interrupted(_)) => Err(Failure::Interrupted(how_to_continue(dir))),
         Err(RunError::Results(error)) => Err(not_written(error)),

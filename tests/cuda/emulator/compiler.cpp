@@ -6,6 +6,7 @@
 #include <cstring>
 #include <fstream>
 #include <functional>
+#include <mutex>
 #include <regex>
 #include <sstream>
 #include <string>
@@ -51,6 +52,8 @@ std::string translated(std::string text) {
 
 // Compiles a program, unless another process has compiled the same source: libraries stay beside the header.
 int compile(Program &program) {
+    static std::mutex one_at_a_time;
+    const std::lock_guard lock(one_at_a_time);
     const char *headers = std::getenv("EMULATED_CUDA_HEADERS");
     if (!headers) {
         program.log = "EMULATED_CUDA_HEADERS must name the folder of threads.h";
@@ -64,7 +67,7 @@ int compile(Program &program) {
     bool is_done = compile("-std=c++17 -x c++ -E -o '" + at + ".ii' '" + at + ".cu'", log);
     if (is_done) {
         std::ofstream(at + ".cpp") << translated(text_of(at + ".ii"));
-        is_done = compile("-std=c++17 -O2 -march=native -U_FORTIFY_SOURCE -shared -fPIC -Wno-unknown-pragmas -Wl,-Bsymbolic -I'" +
+        is_done = compile("-std=c++17 -O2 -march=native -ffp-contract=off -U_FORTIFY_SOURCE -shared -fPIC -Wno-unknown-pragmas -Wl,-Bsymbolic -I'" +
                               std::string(headers) + "' -o '" + at + ".so' '" + at + ".cpp'", log) &&
                   std::rename((at + ".so").c_str(), program.code.c_str()) == 0;
     }

@@ -1,8 +1,10 @@
 // The driver of devices that are not there: memory with limits, streams and launches, executed by the processor.
 //
-// It is stricter than a device where a device lets mistakes pass: work of a stream is done as late as possible, when somebody
-// waits for it; memory is not zero at first, and ends before a page that nobody may touch; a transfer to or from page-locked
-// memory that has been freed, and memory that is freed twice, end the program.
+// It is stricter than a device where a device lets mistakes pass. Work of a stream is done as late as possible, when somebody
+// waits for it or the stream is destroyed. New memory is full of NaN, and at most 15 bytes of it are followed by a page that
+// nobody may touch. The program ends at a transfer beyond the end of memory, with memory of another device, or with memory that
+// has been freed, and when memory is freed twice. It does not notice work that must wait for another stream and does not, nor
+// memory of another device in the arguments of a kernel.
 //
 //     EMULATED_CUDA_DEVICES    number of devices (1)
 //     EMULATED_CUDA_MEMORY     bytes of a device (4 GiB)
@@ -34,6 +36,7 @@ enum Status {
     INVALID_CONTEXT = 201,
     INVALID_IMAGE = 200,
     INVALID_DEVICE = 101,
+    INVALID_HANDLE = 400,
     NOT_FOUND = 500,
 };
 
@@ -67,6 +70,11 @@ std::atomic<int64_t> *used() {
     return counters;
 }
 
+// A context is the number of its device, from 1.
+thread_local void *current = nullptr;
+
+int current_device() { return static_cast<int>(reinterpret_cast<intptr_t>(current)) - 1; }
+
 struct Allocation {
     void *pages;
     size_t bytes;
@@ -87,24 +95,26 @@ struct Leave {
     }
 } leave;
 
+size_t memory_of_device() { return setting("EMULATED_CUDA_MEMORY", size_t(4) << 30); }
+
 size_t in_pages(size_t bytes) { return (bytes + PAGE - 1) / PAGE * PAGE; }
 
 int allocate(int device, size_t bytes, uint64_t *address) {
     if (bytes == 0) return INVALID_VALUE;
     const std::lock_guard lock(of_memory);
-    const size_t rounded = in_pages(bytes);
-    if (used()[device].fetch_add(rounded) + rounded > setting("EMULATED_CUDA_MEMORY", size_t(4) << 30)) {
-        used()[device] -= rounded;
-        return OUT_OF_MEMORY;
-    }
+    const int64_t rounded = in_pages(bytes), all = memory_of_device();
+    int64_t before = used()[device];
+    do {
+        if (before + rounded > all) return OUT_OF_MEMORY;
+    } while (!used()[device].compare_exchange_weak(before, before + rounded));
     void *pages = mmap(nullptr, rounded + PAGE, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
-    if (pages == MAP_FAILED) return OUT_OF_MEMORY;
+    if (pages == MAP_FAILED) refuse("the host has no memory left");
     mprotect(static_cast<char *>(pages) + rounded, PAGE, PROT_NONE);
     // All numbers are NaN.
     std::memset(pages, 0xff, rounded);
     own_bytes[device] += rounded;
     *address = reinterpret_cast<uint64_t>(pages) + (rounded - bytes) / 16 * 16;
-    allocations[*address] = {pages, rounded, device, false};
+    allocations[*address] = {pages, static_cast<size_t>(rounded), device, false};
     return SUCCESS;
 }
 
@@ -125,7 +135,7 @@ void end_free(uint64_t address) {
     own_bytes[freed.device] -= freed.bytes;
 }
 
-// Ends the program unless the bytes belong to one allocation.
+// Ends the program unless the bytes belong to one allocation of the current device.
 void check_device_memory(uint64_t address, size_t bytes) {
     const std::lock_guard lock(of_memory);
     auto found = allocations.upper_bound(address);
@@ -133,19 +143,21 @@ void check_device_memory(uint64_t address, size_t bytes) {
     --found;
     const uint64_t end = reinterpret_cast<uint64_t>(found->second.pages) + found->second.bytes;
     if (address + bytes > end) refuse("a transfer beyond the end of memory");
+    if (found->second.is_freed) refuse("a transfer with memory that was freed");
+    if (found->second.device != current_device()) refuse("a transfer with memory of another device");
 }
 
-bool is_page_locked(const void *address) {
+bool is_page_locked(const void *address, size_t bytes) {
     const std::lock_guard lock(of_memory);
     const uint64_t at = reinterpret_cast<uint64_t>(address);
     auto found = page_locked.upper_bound(at);
-    return found != page_locked.begin() && at < (--found)->first + found->second;
+    return found != page_locked.begin() && at + bytes <= (--found)->first + found->second;
 }
 
 // Work in its order.
 struct Stream {
     int device;
-    std::recursive_mutex mutex;
+    std::mutex mutex;
     std::vector<std::function<void()>> work;
 
     void add(std::function<void()> item) {
@@ -162,11 +174,6 @@ struct Stream {
 std::mutex of_streams;
 std::vector<Stream *> streams;
 
-// A context is the number of its device, from 1.
-thread_local void *current = nullptr;
-
-int current_device() { return static_cast<int>(reinterpret_cast<intptr_t>(current)) - 1; }
-
 void finish_all(int device) {
     const std::lock_guard lock(of_streams);
     for (Stream *stream : streams)
@@ -175,10 +182,25 @@ void finish_all(int device) {
 
 using Launcher = std::function<void()> *(const unsigned *, const unsigned *, void **);
 
+struct Function {
+    Launcher *launcher;
+    int device;
+};
+
+// Kernels of a device.
+struct Module {
+    void *library;
+    int device;
+    std::map<std::string, Function> functions;
+};
+
 } // namespace
 
 #define NEEDS_CONTEXT                                                                                                  \
     if (!current) return INVALID_CONTEXT
+#define NEEDS_STREAM(stream)                                                                                           \
+    NEEDS_CONTEXT;                                                                                                     \
+    if (static_cast<Stream *>(stream)->device != current_device()) return INVALID_HANDLE
 
 extern "C" {
 
@@ -266,7 +288,7 @@ int cuStreamDestroy_v2(void *stream) {
 }
 
 int cuStreamSynchronize(void *stream) {
-    NEEDS_CONTEXT;
+    NEEDS_STREAM(stream);
     static_cast<Stream *>(stream)->finish();
     return SUCCESS;
 }
@@ -287,26 +309,26 @@ int cuEventQuery(void *) { return SUCCESS; }
 
 int cuMemGetInfo_v2(size_t *free, size_t *total) {
     NEEDS_CONTEXT;
-    *total = setting("EMULATED_CUDA_MEMORY", size_t(4) << 30);
+    *total = memory_of_device();
     const size_t taken = used()[current_device()];
     *free = taken < *total ? *total - taken : 0;
     return SUCCESS;
 }
 
 int cuMemAllocAsync(uint64_t *address, size_t bytes, void *stream) {
-    NEEDS_CONTEXT;
+    NEEDS_STREAM(stream);
     const int device = current_device();
     int status = allocate(device, bytes, address);
     if (status == OUT_OF_MEMORY) {
-        // Memory that this stream frees can be taken again.
-        static_cast<Stream *>(stream)->finish();
+        // Memory that is freed by now can be taken again.
+        finish_all(device);
         status = allocate(device, bytes, address);
     }
     return status;
 }
 
 int cuMemFreeAsync(uint64_t address, void *stream) {
-    NEEDS_CONTEXT;
+    NEEDS_STREAM(stream);
     begin_free(address);
     static_cast<Stream *>(stream)->add([address] { end_free(address); });
     return SUCCESS;
@@ -331,18 +353,18 @@ int cuMemFreeHost(void *address) {
 }
 
 int cuMemsetD8Async(uint64_t address, unsigned char value, size_t bytes, void *stream) {
-    NEEDS_CONTEXT;
+    NEEDS_STREAM(stream);
     check_device_memory(address, bytes);
     static_cast<Stream *>(stream)->add([=] { std::memset(reinterpret_cast<void *>(address), value, bytes); });
     return SUCCESS;
 }
 
 int cuMemcpyHtoDAsync_v2(uint64_t to, const void *from, size_t bytes, void *stream) {
-    NEEDS_CONTEXT;
+    NEEDS_STREAM(stream);
     check_device_memory(to, bytes);
-    if (is_page_locked(from)) {
+    if (is_page_locked(from, bytes)) {
         static_cast<Stream *>(stream)->add([=] {
-            if (!is_page_locked(from)) refuse("a transfer from page-locked memory that was freed");
+            if (!is_page_locked(from, bytes)) refuse("a transfer from page-locked memory that was freed");
             std::memcpy(reinterpret_cast<void *>(to), from, bytes);
         });
     } else {
@@ -354,11 +376,11 @@ int cuMemcpyHtoDAsync_v2(uint64_t to, const void *from, size_t bytes, void *stre
 }
 
 int cuMemcpyDtoHAsync_v2(void *to, uint64_t from, size_t bytes, void *stream) {
-    NEEDS_CONTEXT;
+    NEEDS_STREAM(stream);
     check_device_memory(from, bytes);
-    const bool is_locked = is_page_locked(to);
+    const bool is_locked = is_page_locked(to, bytes);
     static_cast<Stream *>(stream)->add([=] {
-        if (is_locked && !is_page_locked(to)) refuse("a transfer to page-locked memory that was freed");
+        if (is_locked && !is_page_locked(to, bytes)) refuse("a transfer to page-locked memory that was freed");
         std::memcpy(to, reinterpret_cast<void *>(from), bytes);
     });
     if (!is_locked) static_cast<Stream *>(stream)->finish();
@@ -366,7 +388,7 @@ int cuMemcpyDtoHAsync_v2(void *to, uint64_t from, size_t bytes, void *stream) {
 }
 
 int cuMemcpyDtoDAsync_v2(uint64_t to, uint64_t from, size_t bytes, void *stream) {
-    NEEDS_CONTEXT;
+    NEEDS_STREAM(stream);
     check_device_memory(to, bytes);
     check_device_memory(from, bytes);
     static_cast<Stream *>(stream)->add(
@@ -376,18 +398,24 @@ int cuMemcpyDtoDAsync_v2(uint64_t to, uint64_t from, size_t bytes, void *stream)
 
 int cuModuleLoadData(void **module, const void *image) {
     NEEDS_CONTEXT;
-    const char *path = static_cast<const char *>(image);
-    *module = dlopen(path, RTLD_NOW | RTLD_LOCAL);
-    if (!*module) std::fprintf(stderr, "emulated device: %s\n", dlerror());
-    return *module ? SUCCESS : INVALID_IMAGE;
+    void *library = dlopen(static_cast<const char *>(image), RTLD_NOW | RTLD_LOCAL);
+    if (!library) {
+        std::fprintf(stderr, "emulated device: %s\n", dlerror());
+        return INVALID_IMAGE;
+    }
+    *module = new Module{library, current_device(), {}};
+    return SUCCESS;
 }
 
 // The library stays: streams may have work of it.
 int cuModuleUnload(void *) { return SUCCESS; }
 
 int cuModuleGetFunction(void **function, void *module, const char *name) {
-    *function = dlsym(module, (std::string("emulated_") + name).c_str());
-    return *function ? SUCCESS : NOT_FOUND;
+    Module *of = static_cast<Module *>(module);
+    void *launcher = dlsym(of->library, (std::string("emulated_") + name).c_str());
+    if (!launcher) return NOT_FOUND;
+    *function = &(of->functions[name] = {reinterpret_cast<Launcher *>(launcher), of->device});
+    return SUCCESS;
 }
 
 int cuOccupancyMaxActiveBlocksPerMultiprocessorWithFlags(int *blocks, void *, int, size_t, unsigned) {
@@ -396,16 +424,22 @@ int cuOccupancyMaxActiveBlocksPerMultiprocessorWithFlags(int *blocks, void *, in
 }
 
 int cuLaunchKernel(void *function, unsigned grid_x, unsigned grid_y, unsigned grid_z, unsigned x, unsigned y, unsigned z,
-                   unsigned, void *stream, void **arguments, void **) {
-    NEEDS_CONTEXT;
+                   unsigned shared_bytes, void *stream, void **arguments, void **) {
+    NEEDS_STREAM(stream);
+    const Function &kernel = *static_cast<Function *>(function);
+    if (kernel.device != current_device()) return INVALID_HANDLE;
     if (grid_x == 0 || x == 0 || x > 1024) return INVALID_VALUE;
+    if (grid_y != 1 || grid_z != 1 || y != 1 || z != 1 || shared_bytes != 0) refuse("a launch in several dimensions");
     size_t free, total;
     cuMemGetInfo_v2(&free, &total);
     if (free < setting("EMULATED_CUDA_OF_KERNEL", 0)) return OUT_OF_MEMORY;
-    const unsigned grid[] = {grid_x, grid_y, grid_z}, threads[] = {x, y, z};
-    const std::shared_ptr<std::function<void()>> launch(reinterpret_cast<Launcher *>(function)(grid, threads, arguments));
+    const unsigned grid[] = {grid_x, 1, 1}, threads[] = {x, 1, 1};
+    const std::shared_ptr<std::function<void()>> launch(kernel.launcher(grid, threads, arguments));
     static_cast<Stream *>(stream)->add([launch] { (*launch)(); });
     return SUCCESS;
 }
+
+// For the other emulated libraries.
+void emulated_enqueue(void *stream, const std::function<void()> &work) { static_cast<Stream *>(stream)->add(work); }
 
 } // extern "C"

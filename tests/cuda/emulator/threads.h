@@ -167,15 +167,20 @@ inline void Block::run(unsigned count, std::function<void()> &of_thread) {
 }
 
 // The value that lane `from(lane)` of the warp passes; that of the lane itself if there is no such lane.
-template <typename T, typename From> T exchange(T value, From from) {
+template <typename T, typename From> T exchange(unsigned mask, T value, From from) {
     static_assert(sizeof(T) <= sizeof(std::uint64_t), "a value of at most eight bytes");
     Block &of_thread = block;
     const unsigned thread = of_thread.running->thread, lane = thread % WARP;
     Warp &warp = of_thread.warps[thread / WARP];
-    std::uint64_t *values = warp.values[warp.exchanges[lane]++ % 2];
+    const unsigned number = warp.exchanges[lane]++;
+    std::uint64_t *values = warp.values[number % 2];
     std::memcpy(&values[lane], &value, sizeof value);
     of_thread.set_aside(warp.barrier);
     const unsigned source = from(lane);
+    if (mask != 0xffffffffu || (source < WARP && warp.exchanges[source] <= number)) {
+        std::fprintf(stderr, "emulated device: an exchange in which not all threads of the warp take part\n");
+        std::abort();
+    }
     if (source < WARP) std::memcpy(&value, &values[source], sizeof value);
     return value;
 }
@@ -211,11 +216,11 @@ template <typename... A> std::function<void()> bound(void (*kernel)(A...), void 
 
 inline void __syncthreads() { emulator::block.set_aside(emulator::block.barrier); }
 inline void __threadfence() {}
-template <typename T> T __shfl_sync(unsigned, T value, unsigned source) {
-    return emulator::exchange(value, [=](unsigned) { return source % emulator::WARP; });
+template <typename T> T __shfl_sync(unsigned mask, T value, unsigned source) {
+    return emulator::exchange(mask, value, [=](unsigned) { return source % emulator::WARP; });
 }
-template <typename T> T __shfl_down_sync(unsigned, T value, unsigned offset) {
-    return emulator::exchange(value, [=](unsigned lane) { return lane + offset; });
+template <typename T> T __shfl_down_sync(unsigned mask, T value, unsigned offset) {
+    return emulator::exchange(mask, value, [=](unsigned lane) { return lane + offset; });
 }
 inline unsigned atomicAdd(unsigned *address, unsigned value) {
     return __atomic_fetch_add(address, value, __ATOMIC_SEQ_CST);

@@ -64,8 +64,17 @@ impl Emulation {
         let folder = tempfile::tempdir().unwrap();
         let (path, library) = (folder.path().join("kernel.cpp"), folder.path().join("kernel.so"));
         std::fs::write(&path, source(variant)).unwrap();
-        let options =
-            ["-std=c++17", "-O1", "-march=native", "-DEMULATE", "-shared", "-fPIC", "-Wno-unknown-pragmas", "-o"];
+        let options = [
+            "-std=c++17",
+            "-O1",
+            "-march=native",
+            "-ffp-contract=off",
+            "-DEMULATE",
+            "-shared",
+            "-fPIC",
+            "-Wno-unknown-pragmas",
+            "-o",
+        ];
         let compiler = std::env::var("CXX").unwrap_or_else(|_| "c++".into());
         let output = Command::new(compiler).args(options).args([&library, &path]).output().ok()?;
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
