@@ -31,7 +31,7 @@ type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
 type Response = [f64; 90];
 
 /// The deformation gradients of network `number` after the cold and after the warm increment.
-fn targets(number: usize) -> [Matrix3<f64>; 2] {
+pub fn targets(number: usize) -> [Matrix3<f64>; 2] {
     let mut random = Random::new(number as u64);
     let mut matrix = || Matrix3::from_fn(|_, _| random.signed());
     let cold = Matrix3::from_diagonal(&Vector3::new(1.1, 0.97, 0.97)) + 0.01 * matrix();
@@ -86,15 +86,15 @@ fn deviation(found: &[Response], expected: &[Response]) -> f64 {
 }
 
 /// The increments of many networks from rest, with states that stay on the device.
-struct OnDevice {
-    seconds: [f64; 2],
+pub struct OnDevice {
+    pub seconds: [f64; 2],
     /// Mean iterations of each increment.
-    iterations: [f64; 2],
+    pub iterations: [f64; 2],
     /// Networks that need more than Newton's method.
     left: usize,
 }
 
-fn on_device(batch: &mut DeviceBatch, model: &RveModel<Sparse>, goals: &[[Matrix3<f64>; 2]]) -> Outcome<OnDevice> {
+pub fn on_device(batch: &mut DeviceBatch, model: &RveModel<Sparse>, goals: &[[Matrix3<f64>; 2]]) -> Outcome<OnDevice> {
     let params = batch.params(&EquilibriumParams::default()).ok_or("no Newton's method")?;
     let rest = Rve::at_rest(model.network());
     let count = goals.len();

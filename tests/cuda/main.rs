@@ -10,6 +10,7 @@
 //! With `BIOTISSUE_REQUIRE_GPU=1` a missing device is a failure, with `BIOTISSUE_REQUIRE_GPU=0` the checks are skipped then. A
 //! check that fails does not stop the others.
 
+mod bench_cudss;
 mod bench_las;
 mod bench_networks;
 mod body;
@@ -38,7 +39,8 @@ const CHECKS: &[&[Check]] = &[networks::CHECKS, las::CHECKS, program::CHECKS];
 const GROUPS: [&str; 3] = ["las_", "networks_", "program_"];
 
 /// The measurements, which run only if an argument starts with `bench`.
-const BENCHES: &[Check] = &[("bench-networks", bench_networks::run), ("bench-las", bench_las::run)];
+const BENCHES: &[Check] =
+    &[("bench-networks", bench_networks::run), ("bench-las", bench_las::run), ("bench-cudss", bench_cudss::run)];
 
 /// The message of the last panic, with its position.
 static LAST_PANIC: Mutex<String> = Mutex::new(String::new());

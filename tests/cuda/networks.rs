@@ -31,14 +31,14 @@ pub const CHECKS: &[Check] = &[
     ("networks_two_scale", two_scale),
 ];
 
-type Model = RveModel<Sparse>;
+pub type Model = RveModel<Sparse>;
 
-fn model_of(network: Network, law: Law) -> Model {
+pub fn model_of(network: Network, law: Law) -> Model {
     let material = FiberMaterial { law, radius: 3.5e-8, density: None };
     RveModel::new(&(), Arc::new(network), Some(material), StressScale::FiberVolumeFraction(0.01)).unwrap()
 }
 
-fn exponential() -> Law {
+pub fn exponential() -> Law {
     Law::Exponential { youngs_modulus: 1.0e7, nonlinearity: 1.2 }
 }
 
@@ -54,7 +54,7 @@ fn gradients(count: usize, size: f64, random: &mut Random) -> Vec<Matrix3<f64>> 
     gradients
 }
 
-fn batch_of(device: &Device, model: &Model, predicts: bool) -> DeviceBatch {
+pub fn batch_of(device: &Device, model: &Model, predicts: bool) -> DeviceBatch {
     DeviceBatch::new(device, model, predicts).unwrap().unwrap()
 }
 
