@@ -1,10 +1,10 @@
 // The driver of devices that are not there: memory with limits, streams and launches, executed by the processor.
 //
 // It is stricter than a device where a device lets mistakes pass. Work of a stream is done as late as possible, when somebody
-// waits for it or the stream is destroyed. New memory is full of NaN, and at most 15 bytes of it are followed by a page that
-// nobody may touch. The program ends at a transfer beyond the end of memory, with memory of another device, or with memory that
-// has been freed, and when memory is freed twice. It does not notice work that must wait for another stream and does not, nor
-// memory of another device in the arguments of a kernel.
+// waits for it or the stream is destroyed. New memory is filled with NaN; a protected page follows it, after at most 15 unused
+// bytes. The program aborts if a transfer exceeds its memory or uses memory that was freed or belongs to another device, and if
+// memory is freed twice. The driver cannot detect a missing wait between two streams, or memory of another device in the arguments
+// of a kernel.
 //
 //     EMULATED_CUDA_DEVICES    number of devices (1)
 //     EMULATED_CUDA_MEMORY     bytes of a device (4 GiB)
